@@ -1,0 +1,59 @@
+"""All occurrences of one factor, linearised together: the vectorised face of a factor."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import gtsam
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+ROTATION, VELOCITY, POSITION, PHASE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 10)
+NODE_DIM = 10
+
+
+@dataclass(frozen=True)
+class Term:
+    """Jacobian of a block with respect to one variable of each occurrence."""
+
+    family: str  # "x": nodes, "c": calibration segments
+    index: Index  # (n,) which node or segment
+    jacobian: Array  # (n, r, d), whitened
+
+
+@dataclass(frozen=True)
+class Block:
+    """`n` factors of one kind: whitened residuals and Jacobians.
+
+    The cost is `0.5 sum(weight * residual^2)`; `residual(x + d) ~ residual + sum(jacobian d)`.
+    """
+
+    kind: str
+    axes: tuple[str, ...]  # names of the r rows
+    time: Array  # (n,) s, when each factor acts (its end)
+    residual: Array  # (n, r), whitened
+    terms: tuple[Term, ...]
+    robust: bool = False  # whether its rows may be down-weighted
+
+    def weighted(self, weight: Array) -> "Block":
+        """The same block with every row scaled by the root of its weight (n, r)."""
+        root = np.sqrt(weight)
+        terms = tuple(replace(t, jacobian=t.jacobian * root[:, :, None]) for t in self.terms)
+        return replace(self, residual=self.residual * root, terms=terms)
+
+    def jacobian_factors(self) -> Iterator[gtsam.JacobianFactor]:
+        """One `gtsam.JacobianFactor` per occurrence, A d = -residual."""
+        unit = gtsam.noiseModel.Unit.Create(self.residual.shape[1])
+        b = -self.residual
+        keys = [[gtsam.symbol(t.family, int(k)) for k in t.index] for t in self.terms]
+        A = [t.jacobian for t in self.terms]
+        if len(A) == 1:
+            yield from (gtsam.JacobianFactor(*row, unit) for row in zip(keys[0], A[0], b, strict=True))
+        elif len(A) == 2:
+            rows2 = zip(keys[0], A[0], keys[1], A[1], b, strict=True)
+            yield from (gtsam.JacobianFactor(*row, unit) for row in rows2)
+        else:
+            rows3 = zip(keys[0], A[0], keys[1], A[1], keys[2], A[2], b, strict=True)
+            yield from (gtsam.JacobianFactor(*row, unit) for row in rows3)

@@ -1,0 +1,156 @@
+"""Inertial increments summed between nodes: mean motion, bias Jacobians and noise in closed form.
+
+With `C_k` the gyro-integrated rotation since the node, every quantity is a sum over increments, so
+all intervals of a run are integrated in a handful of array passes (Forster et al. 2017, written as
+sums instead of recursions).
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factors import so3
+
+Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Increments:
+    """Compounded inertial increments on a grid of edges; each in the body frame of its start."""
+
+    edge: Array  # (M + 1,) s
+    rotation: Array  # (M, 3) rad, rotation vector
+    velocity: Array  # (M, 3) m/s
+    position: Array  # (M, 3) m, double integral of specific force inside the increment
+    jump: Array  # (M,) m, 1 sigma of the position left unknown by motion inside a sample
+
+
+@dataclass(frozen=True)
+class InertialNoise:
+    """White noise of the sensors."""
+
+    gyro: float  # rad/sqrt(s)
+    accel: float  # m/s/sqrt(s)
+
+
+@dataclass(frozen=True)
+class Preintegrated:
+    """Motion between consecutive nodes i, j in the body frame of node i (n = number of intervals)."""
+
+    T: Array  # (n,) s
+    dR: Array  # (n, 3, 3) body j to body i, non-rotating
+    dv: Array  # (n, 3) m/s
+    dp: Array  # (n, 3) m
+    dR_dbg: Array  # (n, 3, 3) right perturbation of dR per gyro bias
+    dv_dbg: Array  # (n, 3, 3)
+    dv_dba: Array
+    dp_dbg: Array
+    dp_dba: Array
+    whitening: Array  # (n, 9, 9) inverse Cholesky factor of the covariance of [theta, v, p]
+    C: Array  # (M + 1, 3, 3) rotation since its node at every edge; the first of each interval is I
+    bias: Array  # (n, 6) gyro and accelerometer bias it was integrated with
+
+
+def interval_of_increment(nodes: Index) -> Index:
+    """Interval number of every increment between the first and the last node, (M,)."""
+    return np.repeat(np.arange(len(nodes) - 1), np.diff(nodes))
+
+
+def since_node(rotation: Array, nodes: Index) -> Array:
+    """`C_k`, the rotation since the last node at the start of every increment, (M, 3, 3).
+
+    A loop over the position inside the interval, each step over all intervals at once.
+    """
+    step = so3.exp(rotation)
+    C = np.empty_like(step)
+    start, count = nodes[:-1], np.diff(nodes)
+    current = np.broadcast_to(np.eye(3), (len(start), 3, 3)).copy()
+    for k in range(int(count.max(initial=0))):
+        active = np.flatnonzero(count > k)
+        at = start[active] + k
+        C[at] = current[active]
+        current[active] = current[active] @ step[at]
+    return C
+
+
+def preintegrate(inc: Increments, nodes: Index, bias: Array, noise: InertialNoise) -> Preintegrated:
+    """Integrate between nodes given as edge numbers (N,) with biases (N - 1, 6) [rad/s, m/s^2].
+
+    The nodes must span all increments: `nodes[0] == 0`, `nodes[-1] == M`.
+    """
+    owner = interval_of_increment(nodes)
+    dt = np.diff(inc.edge)
+    # an increment's own rotation turns its bias only by half its angle: well below the noise
+    rotation = inc.rotation - bias[owner, :3] * dt[:, None]
+    velocity = inc.velocity - bias[owner, 3:] * dt[:, None]
+    position = inc.position - 0.5 * bias[owner, 3:] * (dt * dt)[:, None]
+    C = since_node(rotation, nodes)
+    C_mid = C @ so3.exp(0.5 * rotation)
+
+    first = nodes[:-1]
+    total = _summer(first)
+    T = np.diff(inc.edge[nodes])
+    rest = inc.edge[nodes[1:]][owner] - inc.edge[1:]  # time left after each increment
+    rest_mid = rest + 0.5 * dt
+    a = so3.mv(C, velocity)
+    dv = total(a)
+    dp = total(a * rest[:, None] + so3.mv(C, position))
+    # a velocity bias acts through C_mid dt, a gyro bias through the angle built up so far
+    Cdt = C_mid * dt[:, None, None]
+    A = total(Cdt)
+    before = np.cumsum(Cdt, 0)
+    before = before - 0.5 * Cdt - (before - Cdt)[first][owner]
+    tilt = so3.skew(a) @ before
+    last = nodes[1:] - 1
+    dR = C[last] @ so3.exp(rotation[last])
+    return Preintegrated(
+        T=T,
+        dR=dR,
+        dv=dv,
+        dp=dp,
+        dR_dbg=-so3.transpose(dR) @ A,
+        dv_dbg=total(tilt),
+        dv_dba=-A,
+        dp_dbg=total(tilt * rest_mid[:, None, None]),
+        dp_dba=-total(Cdt * rest_mid[:, None, None]),
+        whitening=_whitening(T, dv / T[:, None], np.sqrt(total(inc.jump**2)), noise),
+        C=np.concatenate([C, dR[-1:]]),
+        bias=bias,
+    )
+
+
+class _summer:
+    """Sum of per-increment arrays over each interval."""
+
+    def __init__(self, first: Index) -> None:
+        self.first = first
+
+    def __call__(self, x: Array) -> Array:
+        return np.add.reduceat(x, self.first, axis=0)
+
+
+def _whitening(T: Array, f: Array, jump: Array, noise: InertialNoise) -> Array:
+    """Inverse Cholesky factor of the covariance of [theta, v, p] after T, in the frame of node i.
+
+    With w a Wiener process of angle and f the mean specific force, theta = w(T),
+    v = -[f]x int w + white, p = -[f]x iint w + int white; the moments of w are exact.
+    """
+    n = len(T)
+    F = -so3.skew(f)
+    Ft = so3.transpose(F)
+    eye = np.eye(3)
+    g2, a2 = noise.gyro**2, noise.accel**2
+
+    def c(x: Array) -> Array:
+        return x[:, None, None]
+
+    cov = np.empty((n, 9, 9))
+    cov[:, 0:3, 0:3] = g2 * c(T) * eye
+    cov[:, 3:6, 0:3] = g2 * c(T**2 / 2) * F
+    cov[:, 6:9, 0:3] = g2 * c(T**3 / 6) * F
+    cov[:, 3:6, 3:6] = g2 * c(T**3 / 3) * (F @ Ft) + a2 * c(T) * eye
+    cov[:, 6:9, 3:6] = g2 * c(T**4 / 8) * (F @ Ft) + a2 * c(T**2 / 2) * eye
+    cov[:, 6:9, 6:9] = g2 * c(T**5 / 20) * (F @ Ft) + (a2 * c(T**3 / 3) + c(jump**2)) * eye
+    return np.linalg.inv(np.linalg.cholesky(cov))  # only the lower triangle is read

@@ -1,0 +1,54 @@
+"""What standing still says: no velocity, no displacement and no rotation between two nodes.
+
+    r = [Log(R_i^T R_j) / s_R,  v_j / s_v,  (p_j - p_i) / s_p]
+
+Together with the inertial factor this levels, finds the gyro bias and, for gyros good enough, the
+heading from the Earth's rotation.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factors import so3
+from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Index, Term
+
+Array = NDArray[np.float64]
+
+AXES = ("theta_x", "theta_y", "theta_z", "v_e", "v_n", "v_u", "p_e", "p_n", "p_u")
+
+
+@dataclass(frozen=True)
+class StandstillNoise:
+    """How still a standing vehicle is, one sigma over an interval."""
+
+    rotation: float  # rad
+    velocity: float  # m/s
+    position: float  # m
+
+
+def standstill(
+    node: Index, R: Array, v: Array, p: Array, time: Array, noise: StandstillNoise
+) -> Block:
+    """Standstill factors over the intervals that start at nodes `node` (n,), 9 rows, whitened."""
+    n = len(node)
+    E = so3.transpose(R[node]) @ R[node + 1]
+    angle = so3.log(E)
+    residual = np.concatenate([angle, v[node + 1], p[node + 1] - p[node]], axis=1)
+    J_i, J_j = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))
+    Jr = so3.right_jacobian_inverse(angle)
+    J_i[:, 0:3, ROTATION], J_j[:, 0:3, ROTATION] = -Jr @ so3.transpose(E), Jr
+    J_j[:, 3:6, VELOCITY] = np.eye(3)
+    J_i[:, 6:9, POSITION], J_j[:, 6:9, POSITION] = -np.eye(3), np.eye(3)
+    white = 1 / np.repeat([noise.rotation, noise.velocity, noise.position], 3)
+    return Block(
+        kind="standstill",
+        axes=AXES,
+        time=time,
+        residual=residual * white,
+        terms=(
+            Term("x", node, J_i * white[:, None]),
+            Term("x", node + 1, J_j * white[:, None]),
+        ),
+    )

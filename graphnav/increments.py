@@ -1,0 +1,72 @@
+"""Raw inertial samples compounded to about 20 Hz, with coning and sculling terms.
+
+A sample is a mean over its interval; what the mean hides is recovered from its two neighbours on
+either side (rate and force as polynomials through five means: a smoother may look ahead), then
+samples are compounded exactly. The terms are Bortz's `1/2 int (int w) x w` and its bilinear form for
+the velocity (Savage 1998), carried one order further than the usual two-sample formula: a tenth of
+its error under vibration at a tenth of the sampling rate.
+"""
+
+import numpy as np
+
+from factors import so3
+from factors.preintegration import Increments
+from graphnav.run import Array, Imu
+
+GRID_S = 0.05  # duration of an increment the grouping aims at
+
+
+def increments(imu: Imu, grid_s: float = GRID_S) -> Increments:
+    """Compound samples (N) into increments (M <= N); a last short group keeps the rest.
+
+    An increment's rotation and velocity are in the body frame of its start.
+    """
+    dt = imu.dt
+    alpha, u = imu.gyro * dt[:, None], imu.accel * dt[:, None]
+    regular = _regular(dt)[:, None]
+    slope_w, slope_f = np.where(regular, _slope(alpha), 0.0), np.where(regular, _slope(u), 0.0)
+    theta = alpha + np.cross(alpha, slope_w)
+    # Jl turns the mean force to the start of the sample, sculling adds what the means hide
+    v = so3.mv(so3.left_jacobian(alpha), u) + np.cross(alpha, slope_f) + np.cross(u, slope_w)
+    p = (0.5 * v - np.cross(alpha, u) / 12 - slope_f) * dt[:, None]
+    change = np.diff(u, axis=0, prepend=u[:1])
+    jump = np.sqrt(np.einsum("ij,ij->i", change, change) / 12) * dt
+
+    size = max(1, round(grid_s / float(np.median(dt))))
+    first = np.arange(0, len(dt), size)
+    edge = np.concatenate([imu.time[:1] - dt[:1], imu.time])[np.append(first, len(dt))]
+    return _compound(theta, v, p, dt, jump, first, edge)
+
+
+def _slope(x: Array) -> Array:
+    """The vector `s` with `1/2 int (int x) x x dt = x_k x s` over sample k, from five means (N, 3)."""
+    q = np.pad(x, ((2, 2), (0, 0)), mode="edge")
+    near, far = q[3:-1] - q[1:-3], q[4:] - q[:-4]
+    return (82 * near - 11 * far) / 1440
+
+
+def _regular(dt: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+    """Whether a sample and its neighbours on both sides follow each other without a gap, (N,)."""
+    q = np.pad(dt, 2, mode="edge")
+    window = np.stack([q[k : k + len(dt)] for k in range(5)])
+    regular = window.max(0) < 1.5 * window.min(0)
+    regular[:2] = regular[-2:] = False
+    return np.asarray(regular)
+
+
+def _compound(
+    theta: Array, v: Array, p: Array, dt: Array, jump: Array, first: Array, edge: Array
+) -> Increments:
+    """Compound consecutive samples starting at `first` into one increment each."""
+    count = np.diff(np.append(first, len(dt)))
+    step = so3.exp(theta)
+    R = np.broadcast_to(np.eye(3), (len(first), 3, 3)).copy()
+    V, P, J = np.zeros((len(first), 3)), np.zeros((len(first), 3)), np.zeros(len(first))
+    for k in range(int(count.max())):
+        on = np.flatnonzero(count > k)
+        at = first[on] + k
+        P[on] += V[on] * dt[at, None] + so3.mv(R[on], p[at])
+        V[on] += so3.mv(R[on], v[at])
+        R[on] = R[on] @ step[at]
+        J[on] = np.hypot(J[on], jump[at])
+    return Increments(edge=edge, rotation=so3.log(R), velocity=V, position=P, jump=J)
