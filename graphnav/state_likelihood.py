@@ -1,0 +1,186 @@
+"""What the data of one moment say about the motion state: log likelihoods, no memory.
+
+Four independent witnesses, in the order of the functions below:
+
+- speed: the inertial speed `v_y` (A2), backed by `a_c / phi_dot` (A4), against the odometer
+  corrected as the state would have it (A6 and the table of corrections);
+- radius: `rho = v / phi_dot` (A1) against the state's band (A8-A15);
+- rest and size of the heading change: standing, and A16;
+- increments: the accelerometer's speed change against that of the corrected odometer, within a
+  state or across a change of state. It knows nothing of absolute speed, so a timeline that has
+  been believed once cannot talk it round.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import log_ndtr, ndtr
+
+from graphnav.corrections import Correction, VehicleParams
+from graphnav.run import Array
+
+R_II = 2.88  # B; theoretical arc radius (A12)
+R_MAX = 50.0  # B; straighter than this is straight (A6); separated turns reach 20-30 B
+R_ENDLESS = 1000.0  # B; radii are capped here
+R_PIVOT = 0.25  # B; half the theoretical pivot radius (A8)
+GROUND_SPREAD = 0.15  # of the radius: soil against concrete, 5-15 %
+HEADING_CHANGE_MAX = 0.6  # rad in one filter period of 1 s (A16): a pivot turns 0.4
+WEAVE = 0.005  # rad/s of steering about a straight line, not a turn
+SPEED_CORRELATION = 0.6  # s; evidence of neighbouring steps counts once per this time
+OUTLIER = -6.0  # log likelihood ratio at which a disagreeing witness is no longer believed
+NO_EVIDENCE = 1e3  # m/s, sd that stands for "not known"
+HALF_WINDOW = 0.6  # s; increments span twice this, a gear change takes about 0.8 s
+
+
+@dataclass(frozen=True)
+class Moments:
+    """Smoothed kinematics at the model's steps, forward positive whatever the gear; all (T,)."""
+
+    step: float  # s
+    speed: Array  # m/s, inertial, A2 fused with A4
+    sd_speed: Array  # m/s
+    odometer: Array  # m/s, nominal; NaN where none
+    yaw_rate: Array  # rad/s, magnitude
+    turned: Array  # rad, magnitude of the heading change in 1 s
+    standing: NDArray[np.bool_]
+    odometer_before: Array  # m/s, HALF_WINDOW earlier
+    odometer_after: Array
+    yaw_rate_before: Array  # rad/s, magnitude
+    yaw_rate_after: Array
+    gained: Array  # m/s, accelerometer's speed change between the two; NaN where unknown
+
+
+@dataclass(frozen=True)
+class StateModel:
+    """How a state looks: radius band in units of the gauge and how loosely its factor holds."""
+
+    correction: Correction
+    nearest: float  # B, lower end of the band of |rho|
+    farthest: float  # B
+    spread: float  # 1 sigma of v_y / v_o about its factor, relative
+    fastest: float  # m/s of v_o, above which the state is not driven
+
+
+BANDS: dict[str, tuple[float, float, float, float]] = {
+    # nearest, farthest [B], spread, fastest [m/s]
+    "straight_high": (R_MAX, R_ENDLESS, 0.05, 25.0),
+    "straight_low": (R_MAX, R_ENDLESS, 0.06, 15.0),
+    "stop": (R_MAX, R_ENDLESS, 0.0, 25.0),
+    "turn_arc": (R_II, 2 * R_II, 0.08, 15.0),  # A12-A14; the open band below 1.549 R_II is arc
+    "turn_pivot": (R_PIVOT, R_II, 0.25, 6.0),  # A8-A11
+    "turn_separated": (2 * R_II, R_MAX, 0.06, 20.0),  # A15
+    "turn_separated_low": (R_II, R_MAX, 0.08, 12.0),  # low gear has no arc: both levers engaged
+    "turn_pivot_low": (R_PIVOT, R_II, 0.25, 6.0),
+    "turn_large": (R_PIVOT, R_ENDLESS, 1.0, 25.0),  # A16
+    "moving": (R_PIVOT, R_ENDLESS, 0.1, 60.0),
+}
+
+
+def state_models(vehicle: VehicleParams, table: dict[str, Correction]) -> tuple[StateModel, ...]:
+    """The states this vehicle can be in; low ones only where the gear ratio tells them apart."""
+    has_low_gear = vehicle.low_gear_ratio > 1.1
+    return tuple(
+        StateModel(row, *BANDS[row.state])
+        for row in table.values()
+        if has_low_gear or not row.low_gear
+    )
+
+
+def step_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Array:
+    """Log likelihood of each step's data in each state, (T, S), tempered for correlation.
+
+    `gauge` B in m. Sources: A1-A6, A8-A16.
+    """
+    per_state = [
+        _speed(moments, model) + _radius(moments, model, gauge) + _rest(moments, model)
+        for model in models
+    ]
+    tempered = np.column_stack(per_state) * min(1.0, moments.step / SPEED_CORRELATION)
+    same_state = increment_likelihood(moments, models)[:, *np.diag_indices(len(models))]
+    return tempered + same_state * min(1.0, moments.step / (2 * HALF_WINDOW))
+
+
+def _gaussian(error: Array, sd: Array) -> Array:
+    return -0.5 * (error / sd) ** 2 - np.log(sd)
+
+
+def _predicted_speed(model: StateModel, odometer: Array, yaw_rate: Array) -> tuple[Array, Array]:
+    """Forward speed the odometer would mean in this state and its sd, m/s."""
+    speed = np.maximum(model.correction.forward(odometer, yaw_rate), 0.0)
+    return speed, np.hypot(model.spread * speed, 0.05)
+
+
+def _speed(moments: Moments, model: StateModel) -> Array:
+    """Inertial speed against the corrected odometer, and the odometer against its range."""
+    if model.correction.state == "turn_large":
+        return np.full(len(moments.speed), OUTLIER / 2)
+    if model.correction.state == "stop":
+        predicted, spread = np.zeros_like(moments.speed), np.full_like(moments.speed, 0.05)
+        range_of_odometer = _gaussian(moments.odometer, np.full_like(moments.speed, 0.06))
+        floor = 4 * OUTLIER
+    else:
+        predicted, spread = _predicted_speed(model, moments.odometer, moments.yaw_rate)
+        excess = np.maximum(moments.odometer - model.fastest, 0.0)
+        range_of_odometer = -np.log(model.fastest) - 0.5 * (excess / (0.1 * model.fastest)) ** 2
+        floor = OUTLIER
+    sd = np.hypot(moments.sd_speed, spread)
+    match = np.logaddexp(_gaussian(moments.speed - predicted, sd), floor - np.log(sd))
+    if model.correction.state == "stop":
+        blind = _gaussian(moments.speed, sd)
+    else:
+        blind = np.full_like(sd, -np.log(model.fastest))
+    return np.where(np.isnan(moments.odometer), blind, match + range_of_odometer)
+
+
+def _radius(moments: Moments, model: StateModel, gauge: float) -> Array:
+    """Density of log(|rho| / B): uniform over the state's band, blurred by ground and speed."""
+    odometer, spread = _predicted_speed(model, moments.odometer, moments.yaw_rate)
+    known = ~np.isnan(odometer) & (model.correction.state != "turn_large")
+    weight_odometer = np.where(known, 1.0 / spread**2, 0.0)
+    weight_inertial = 1.0 / moments.sd_speed**2
+    weight = weight_odometer + weight_inertial
+    speed = (
+        weight_inertial * moments.speed + weight_odometer * np.where(known, odometer, 0.0)
+    ) / weight
+    speed = np.maximum(speed, 0.05)
+    blur = np.hypot(GROUND_SPREAD, np.minimum(1.0 / np.sqrt(weight) / speed, 2.0))
+    turning = np.maximum(moments.yaw_rate - WEAVE, speed / (R_ENDLESS * gauge))
+    place = np.log(speed / turning / gauge)
+    low, high = np.log(model.nearest), np.log(model.farthest)
+    edge = np.inf if model.farthest == R_ENDLESS else high  # the cap is no upper edge
+    inside = ndtr((place - low) / blur) - ndtr((place - edge) / blur)
+    return np.log(inside / (high - low) + np.exp(2 * OUTLIER))
+
+
+def _rest(moments: Moments, model: StateModel) -> Array:
+    """Zero-velocity detector, and the heading change of A16 that overrules every other state."""
+    sd = 0.1 * HEADING_CHANGE_MAX
+    beyond = (moments.turned - HEADING_CHANGE_MAX) / sd
+    is_large = model.correction.state == "turn_large"
+    size = np.maximum(log_ndtr(beyond if is_large else -beyond), 4 * OUTLIER)
+    if model.correction.state != "stop":
+        return size
+    turning = -0.5 * (np.maximum(moments.yaw_rate - WEAVE, 0.0) / 0.01) ** 2
+    return size + np.maximum(turning, 4 * OUTLIER) + np.where(moments.standing, -OUTLIER, 0.0)
+
+
+def increment_likelihood(moments: Moments, models: tuple[StateModel, ...]) -> Array:
+    """Log likelihood of the speed change around each step, were it i before and j after, (T, S, S).
+
+    A gear change moves `v_o / v_y` by 1.42 within a second while the accelerometer sees nothing of
+    it; inside a state both see the same change in the ratio of its factor. Zero where unknown.
+    """
+    before = [
+        _predicted_speed(m, moments.odometer_before, moments.yaw_rate_before)[0] for m in models
+    ]
+    after = [_predicted_speed(m, moments.odometer_after, moments.yaw_rate_after)[0] for m in models]
+    spread = np.array([m.spread for m in models])
+    start, end = np.column_stack(before)[:, :, None], np.column_stack(after)[:, None, :]
+    error = end - start - moments.gained[:, None, None]
+    independent = (spread[:, None] * start) ** 2 + (spread[None, :] * end) ** 2
+    shared = (spread[:, None] * (end - start)) ** 2
+    same = np.eye(len(models), dtype=bool)
+    sd = np.sqrt(np.where(same, shared, independent) + 0.06**2)
+    value = np.maximum(-0.5 * (error / sd) ** 2, OUTLIER)
+    return np.where(np.isnan(value), 0.0, value)
