@@ -24,6 +24,14 @@ class Imu:
 
 
 @dataclass(frozen=True)
+class Accelerometer:
+    """Specific force of a gyro-free rover: means over the interval that ends at `time`."""
+
+    time: Array  # (N,) s
+    accel: Array  # (N, 3) m/s^2, b frame
+
+
+@dataclass(frozen=True)
 class Odometer:
     """Distance counted by the odometer, in nominal metres (scale factor not applied)."""
 
@@ -86,3 +94,4 @@ class Run:
     gnss: Gnss | None
     heading: ExternalHeading | None
     rover: RoverGear | None
+    accelerometer: Accelerometer | None = None  # only where accel columns come without gyro columns
