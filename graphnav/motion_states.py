@@ -16,11 +16,12 @@ from graphnav.corrections import Correction, VehicleParams, correction_table
 from graphnav.errors import SolutionError
 from graphnav.run import Array
 from graphnav.state_likelihood import (
+    CORRELATION,
     HALF_WINDOW,
     NO_EVIDENCE,
     Moments,
     StateModel,
-    increment_likelihood,
+    change_likelihood,
     state_models,
     step_likelihood,
 )
@@ -28,11 +29,17 @@ from graphnav.timeline import Timeline, timeline_from_states
 from graphnav.viterbi import Chain, most_probable, posterior
 
 STEP = 0.2  # s between the model's steps
-DWELL = 1.0  # s a state lasts at least
+DWELL = 1.6  # s a state lasts at least
 SD_CENTRIPETAL = 0.4  # m/s^2 of a_c that is not v_y phi_dot: vibration, side slip
+SPEED_WANDER = 0.1  # m/s^2 at which an error of the inertial speed changes
 SD_SPEED_LEAST = 0.05  # m/s; no inertial speed is believed further
 
-MEAN_DURATION = {"stop": 60.0, "straight_high": 40.0, "straight_low": 20.0, "moving": 120.0}
+MEAN_DURATION = {
+    "stop": 60.0,
+    "straight_high": 40.0,
+    "straight_low": 20.0,
+    "moving": 120.0,
+}
 MEAN_TURN = 8.0  # s
 IMPLAUSIBLE, RARE = 1e-4, 0.03  # weight of a change against a usual one
 # Lever positions of table 1 (high side, low side; 0 foremost, 1 gear I, 2 gear II): a usual change
@@ -94,7 +101,9 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
     """Smooth the kinematics over 0.3 s and take every STEP; forward made positive."""
     gaps = np.diff(kinematics.time)
     if len(gaps) < 20 or np.ptp(gaps) > 0.1 * gaps.mean():
-        raise SolutionError("motion states: need at least 2 s of kinematics on a uniform grid")
+        raise SolutionError(
+            "motion states: need at least 2 s of kinematics on a uniform grid"
+        )
     dt = float(gaps.mean())
     every = max(1, round(STEP / dt))
     taken = np.arange(every // 2, len(kinematics.time), every)
@@ -109,7 +118,7 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
     v_o, yaw = smooth(kinematics.v_o), smooth(kinematics.yaw_rate)
     way = np.where(np.nan_to_num(v_o) < 0, -1.0, 1.0)  # reverse is driven like forward
     v_o, turning = np.abs(v_o), np.abs(yaw)
-    speed, sd = _inertial_speed(kinematics, yaw, smooth)
+    speed, sd, correlation = _inertial_speed(kinematics, yaw, smooth)
     reach = round(HALF_WINDOW / dt)
     back = np.maximum(taken - reach, 0)
     ahead = np.minimum(taken + reach, len(v_o) - 1)
@@ -123,6 +132,7 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
         step=every * dt,
         speed=(speed * way)[taken],
         sd_speed=sd[taken],
+        correlation=correlation[taken],
         odometer=v_o[taken],
         yaw_rate=turning[taken],
         turned=np.abs(smooth(kinematics.yaw_rate, 1.0))[taken],
@@ -137,22 +147,29 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
 
 def _inertial_speed(
     kinematics: Kinematics, yaw_rate: Array, smooth: Callable[..., Array]
-) -> tuple[Array, Array]:
-    """Speed from `v_y` (A2) and, in turns, from `-a_c / phi_dot` (A4), with its sd; m/s."""
+) -> tuple[Array, Array, Array]:
+    """Speed from `v_y` (A2) and in turns from `-a_c / phi_dot` (A4), its sd, m/s; how long, s, its
+    error persists: an inertial error of 1 m/s needs 10 s to wander by itself.
+    """
     sd = np.maximum(kinematics.sd_v_y, SD_SPEED_LEAST)
     known = np.isfinite(sd) & np.isfinite(kinematics.v_y)
     weight = np.where(known, sd, NO_EVIDENCE) ** -2.0
     a_c = smooth(kinematics.a_c, 0.6)
     push = np.where(np.isfinite(a_c), yaw_rate, 0.0) / SD_CENTRIPETAL**2
     total = weight + push * yaw_rate
-    speed = (weight * np.where(known, kinematics.v_y, 0.0) - push * np.nan_to_num(a_c)) / total
-    return speed, total**-0.5
+    speed = (
+        weight * np.where(known, kinematics.v_y, 0.0) - push * np.nan_to_num(a_c)
+    ) / total
+    persistence = np.where(known, weight / total * sd / SPEED_WANDER, 0.0)
+    return speed, total**-0.5, CORRELATION + persistence
 
 
 def _chain(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Chain:
     """The hidden Markov model of these moments."""
     names = [model.correction.state for model in models]
-    leave = np.array([moments.step / MEAN_DURATION.get(name, MEAN_TURN) for name in names])
+    leave = np.array(
+        [moments.step / MEAN_DURATION.get(name, MEAN_TURN) for name in names]
+    )
     weight = np.full((len(names), len(names)), IMPLAUSIBLE)
     for changes, value in ((RARE_CHANGES, RARE), (USUAL_CHANGES, 1.0)):
         for one, others in changes.items():
@@ -166,7 +183,7 @@ def _chain(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Ch
         change = np.log(weight)
     return Chain(
         likelihood=step_likelihood(moments, models, gauge),
-        change=change + increment_likelihood(moments, models),
+        change=change + change_likelihood(moments, models, gauge),
         stay=np.log1p(-leave),
         initial=np.full(len(names), -np.log(len(names))),
         dwell=max(1, round(DWELL / moments.step)),

@@ -27,9 +27,13 @@ R_PIVOT = 0.25  # B; half the theoretical pivot radius (A8)
 GROUND_SPREAD = 0.15  # of the radius: soil against concrete, 5-15 %
 HEADING_CHANGE_MAX = 0.6  # rad in one filter period of 1 s (A16): a pivot turns 0.4
 WEAVE = 0.005  # rad/s of steering about a straight line, not a turn
-SPEED_CORRELATION = 0.6  # s; evidence of neighbouring steps counts once per this time
-OUTLIER = -6.0  # log likelihood ratio at which a disagreeing witness is no longer believed
+CORRELATION = 0.6  # s; evidence of neighbouring steps counts once per this time
+OUTLIER = (
+    -6.0
+)  # log likelihood ratio at which a disagreeing witness is no longer believed
+TOP_SPEED = 25.0  # m/s; a moving odometer may show anything up to it
 NO_EVIDENCE = 1e3  # m/s, sd that stands for "not known"
+INCREMENT_SD = 0.06  # m/s; pulses, tilt and vibration over the window
 HALF_WINDOW = 0.6  # s; increments span twice this, a gear change takes about 0.8 s
 
 
@@ -40,6 +44,7 @@ class Moments:
     step: float  # s
     speed: Array  # m/s, inertial, A2 fused with A4
     sd_speed: Array  # m/s
+    correlation: Array  # s over which its error persists
     odometer: Array  # m/s, nominal; NaN where none
     yaw_rate: Array  # rad/s, magnitude
     turned: Array  # rad, magnitude of the heading change in 1 s
@@ -48,7 +53,9 @@ class Moments:
     odometer_after: Array
     yaw_rate_before: Array  # rad/s, magnitude
     yaw_rate_after: Array
-    gained: Array  # m/s, accelerometer's speed change between the two; NaN where unknown
+    gained: (
+        Array  # m/s, accelerometer's speed change between the two; NaN where unknown
+    )
 
 
 @dataclass(frozen=True)
@@ -67,17 +74,29 @@ BANDS: dict[str, tuple[float, float, float, float]] = {
     "straight_high": (R_MAX, R_ENDLESS, 0.05, 25.0),
     "straight_low": (R_MAX, R_ENDLESS, 0.06, 15.0),
     "stop": (R_MAX, R_ENDLESS, 0.0, 25.0),
-    "turn_arc": (R_II, 2 * R_II, 0.08, 15.0),  # A12-A14; the open band below 1.549 R_II is arc
+    "turn_arc": (
+        R_II,
+        2 * R_II,
+        0.08,
+        15.0,
+    ),  # A12-A14; the open band below 1.549 R_II is arc
     "turn_pivot": (R_PIVOT, R_II, 0.25, 6.0),  # A8-A11
     "turn_separated": (2 * R_II, R_MAX, 0.06, 20.0),  # A15
-    "turn_separated_low": (R_II, R_MAX, 0.08, 12.0),  # low gear has no arc: both levers engaged
+    "turn_separated_low": (
+        R_II,
+        R_MAX,
+        0.08,
+        12.0,
+    ),  # low gear has no arc: both levers engaged
     "turn_pivot_low": (R_PIVOT, R_II, 0.25, 6.0),
     "turn_large": (R_PIVOT, R_ENDLESS, 1.0, 25.0),  # A16
     "moving": (R_PIVOT, R_ENDLESS, 0.1, 60.0),
 }
 
 
-def state_models(vehicle: VehicleParams, table: dict[str, Correction]) -> tuple[StateModel, ...]:
+def state_models(
+    vehicle: VehicleParams, table: dict[str, Correction]
+) -> tuple[StateModel, ...]:
     """The states this vehicle can be in; low ones only where the gear ratio tells them apart."""
     has_low_gear = vehicle.low_gear_ratio > 1.1
     return tuple(
@@ -87,50 +106,70 @@ def state_models(vehicle: VehicleParams, table: dict[str, Correction]) -> tuple[
     )
 
 
-def step_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Array:
+def step_likelihood(
+    moments: Moments, models: tuple[StateModel, ...], gauge: float
+) -> Array:
     """Log likelihood of each step's data in each state, (T, S), tempered for correlation.
 
     `gauge` B in m. Sources: A1-A6, A8-A16.
     """
+    once = np.minimum(1.0, moments.step / CORRELATION)
+    rarer = np.minimum(once, moments.step / moments.correlation)
     per_state = [
-        _speed(moments, model) + _radius(moments, model, gauge) + _rest(moments, model)
+        rarer * _speed(moments, model)
+        + once
+        * (
+            _odometer(moments, model)
+            + _radius(moments, model, gauge)
+            + _rest(moments, model)
+        )
         for model in models
     ]
-    tempered = np.column_stack(per_state) * min(1.0, moments.step / SPEED_CORRELATION)
-    same_state = increment_likelihood(moments, models)[:, *np.diag_indices(len(models))]
-    return tempered + same_state * min(1.0, moments.step / (2 * HALF_WINDOW))
+    same_state = np.einsum("tii->ti", increment_likelihood(moments, models, gauge))
+    return np.column_stack(per_state) + same_state * min(
+        1.0, moments.step / (2 * HALF_WINDOW)
+    )
 
 
 def _gaussian(error: Array, sd: Array) -> Array:
     return -0.5 * (error / sd) ** 2 - np.log(sd)
 
 
-def _predicted_speed(model: StateModel, odometer: Array, yaw_rate: Array) -> tuple[Array, Array]:
+def _predicted_speed(
+    model: StateModel, odometer: Array, yaw_rate: Array
+) -> tuple[Array, Array]:
     """Forward speed the odometer would mean in this state and its sd, m/s."""
     speed = np.maximum(model.correction.forward(odometer, yaw_rate), 0.0)
     return speed, np.hypot(model.spread * speed, 0.05)
 
 
 def _speed(moments: Moments, model: StateModel) -> Array:
-    """Inertial speed against the corrected odometer, and the odometer against its range."""
+    """Inertial speed against the odometer as this state would correct it."""
     if model.correction.state == "turn_large":
         return np.full(len(moments.speed), OUTLIER / 2)
-    if model.correction.state == "stop":
-        predicted, spread = np.zeros_like(moments.speed), np.full_like(moments.speed, 0.05)
-        range_of_odometer = _gaussian(moments.odometer, np.full_like(moments.speed, 0.06))
-        floor = 4 * OUTLIER
-    else:
-        predicted, spread = _predicted_speed(model, moments.odometer, moments.yaw_rate)
-        excess = np.maximum(moments.odometer - model.fastest, 0.0)
-        range_of_odometer = -np.log(model.fastest) - 0.5 * (excess / (0.1 * model.fastest)) ** 2
-        floor = OUTLIER
+    predicted, spread = _predicted_speed(model, moments.odometer, moments.yaw_rate)
+    floor = OUTLIER
+    if model.correction.state == "stop":  # whatever the odometer says
+        predicted, spread, floor = (
+            np.zeros_like(predicted),
+            np.full_like(spread, 0.05),
+            4 * OUTLIER,
+        )
     sd = np.hypot(moments.sd_speed, spread)
     match = np.logaddexp(_gaussian(moments.speed - predicted, sd), floor - np.log(sd))
+    return np.where(np.isnan(match), -np.log(TOP_SPEED), match)
+
+
+def _odometer(moments: Moments, model: StateModel) -> Array:
+    """Density of the odometer's own reading: nothing at rest, below the state's limit else."""
     if model.correction.state == "stop":
-        blind = _gaussian(moments.speed, sd)
-    else:
-        blind = np.full_like(sd, -np.log(model.fastest))
-    return np.where(np.isnan(moments.odometer), blind, match + range_of_odometer)
+        density = _gaussian(moments.odometer, np.full_like(moments.odometer, 0.06))
+        return np.nan_to_num(np.maximum(density, 4 * OUTLIER))
+    excess = np.maximum(moments.odometer - model.fastest, 0.0)
+    too_fast = np.maximum(-0.5 * (excess / (0.1 * model.fastest)) ** 2, 2 * OUTLIER)
+    return np.nan_to_num(
+        too_fast - np.log(TOP_SPEED)
+    )  # no state gains by being a slow one
 
 
 def _radius(moments: Moments, model: StateModel, gauge: float) -> Array:
@@ -141,7 +180,8 @@ def _radius(moments: Moments, model: StateModel, gauge: float) -> Array:
     weight_inertial = 1.0 / moments.sd_speed**2
     weight = weight_odometer + weight_inertial
     speed = (
-        weight_inertial * moments.speed + weight_odometer * np.where(known, odometer, 0.0)
+        weight_inertial * moments.speed
+        + weight_odometer * np.where(known, odometer, 0.0)
     ) / weight
     speed = np.maximum(speed, 0.05)
     blur = np.hypot(GROUND_SPREAD, np.minimum(1.0 / np.sqrt(weight) / speed, 2.0))
@@ -162,25 +202,53 @@ def _rest(moments: Moments, model: StateModel) -> Array:
     if model.correction.state != "stop":
         return size
     turning = -0.5 * (np.maximum(moments.yaw_rate - WEAVE, 0.0) / 0.01) ** 2
-    return size + np.maximum(turning, 4 * OUTLIER) + np.where(moments.standing, -OUTLIER, 0.0)
+    return (
+        size
+        + np.maximum(turning, 4 * OUTLIER)
+        + np.where(moments.standing, -OUTLIER, 0.0)
+    )
 
 
-def increment_likelihood(moments: Moments, models: tuple[StateModel, ...]) -> Array:
+def increment_likelihood(
+    moments: Moments, models: tuple[StateModel, ...], gauge: float
+) -> Array:
     """Log likelihood of the speed change around each step, were it i before and j after, (T, S, S).
 
     A gear change moves `v_o / v_y` by 1.42 within a second while the accelerometer sees nothing of
     it; inside a state both see the same change in the ratio of its factor. Zero where unknown.
     """
     before = [
-        _predicted_speed(m, moments.odometer_before, moments.yaw_rate_before)[0] for m in models
+        _predicted_speed(m, moments.odometer_before, moments.yaw_rate_before)[0]
+        for m in models
     ]
-    after = [_predicted_speed(m, moments.odometer_after, moments.yaw_rate_after)[0] for m in models]
+    after = [
+        _predicted_speed(m, moments.odometer_after, moments.yaw_rate_after)[0]
+        for m in models
+    ]
     spread = np.array([m.spread for m in models])
     start, end = np.column_stack(before)[:, :, None], np.column_stack(after)[:, None, :]
     error = end - start - moments.gained[:, None, None]
-    independent = (spread[:, None] * start) ** 2 + (spread[None, :] * end) ** 2
-    shared = (spread[:, None] * (end - start)) ** 2
-    same = np.eye(len(models), dtype=bool)
-    sd = np.sqrt(np.where(same, shared, independent) + 0.06**2)
-    value = np.maximum(-0.5 * (error / sd) ** 2, OUTLIER)
+    same = (spread[:, None] * (end - start)) ** 2
+    # ground and odometer scale are common to both states: half the spread is shared
+    other = 0.25 * ((spread[:, None] * start) ** 2 + (spread[None, :] * end) ** 2)
+    variance = np.where(np.eye(len(models), dtype=bool), same, other) + INCREMENT_SD**2
+    # while a turn begins or ends the faster track gains on the middle as its factor allows
+    swing = 0.5 * gauge * (moments.yaw_rate_after - moments.yaw_rate_before)
+    variance = variance + swing[:, None, None] ** 2
+    value = np.maximum(-0.5 * error**2 / variance, 2 * OUTLIER)
     return np.where(np.isnan(value), 0.0, value)
+
+
+def change_likelihood(
+    moments: Moments, models: tuple[StateModel, ...], gauge: float
+) -> Array:
+    """What the increments say for a change i -> j, (T, S, S).
+
+    Measured against the best explanation without a change of gear, so that only a gear change is
+    ever credited, and only where neither staying nor turning accounts for the data.
+    """
+    value = increment_likelihood(moments, models, gauge)
+    low = np.array([model.correction.low_gear for model in models])
+    same_gear = low[:, None] == low[None, :]
+    best = np.where(same_gear, value, -np.inf).max(axis=2, keepdims=True)
+    return np.where(same_gear, 0.0, value - best)
