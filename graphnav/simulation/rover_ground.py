@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factors import rocker_bogie as rb
+from graphnav.angles import rotation_of_angles
 
 Array = NDArray[np.float64]
 
@@ -62,16 +63,6 @@ class Pose:
     wheels_n: Array  # (N, 6, 3) m, wheel centres
 
 
-def attitude(heading: Array, pitch: Array, roll: Array) -> Array:
-    """R_nb (N, 3, 3) from heading (clockwise from north), pitch (nose up), roll (right down), rad."""
-    sh, ch, sp, cp = np.sin(heading), np.cos(heading), np.sin(pitch), np.cos(pitch)
-    sr, cr = np.sin(roll), np.cos(roll)
-    right = np.stack([ch * cr + sh * sp * sr, -sh * cr + ch * sp * sr, -cp * sr], -1)
-    forward = np.stack([sh * cp, ch * cp, sp], -1)
-    up = np.stack([ch * sr - sh * sp * cr, -sh * sr - ch * sp * cr, cp * cr], -1)
-    return np.stack([right, forward, up], -1)
-
-
 def _joints(x: Array) -> rb.Joints:
     return rb.Joints(steer=np.zeros((len(x), 6)), rocker=x[:, 3], bogie=x[:, 4:6])
 
@@ -101,7 +92,7 @@ def settle(linkage: rb.Linkage, ground: Field, en: Array, heading: Array) -> Pos
 
 def _placed(linkage: rb.Linkage, x: Array, en: Array, heading: Array) -> tuple[Array, Array, Array]:
     """R_nb, wheel centres in b and in n for the unknowns `x`."""
-    R = attitude(heading, x[:, 2], x[:, 1])
+    R = rotation_of_angles(x[:, 1], x[:, 2], heading)
     p_b = rb.wheel_positions(linkage, _joints(x))
     origin = np.concatenate([en, x[:, :1]], 1)
     return R, p_b, origin[:, None] + np.einsum("nij,nwj->nwi", R, p_b)

@@ -9,6 +9,7 @@ from scipy.interpolate import CubicSpline
 
 from factors import rocker_bogie as rb
 from factors import so3
+from graphnav.angles import rotation_of_angles
 from graphnav.earth import Origin
 from graphnav.simulation import rover_ground as ground
 
@@ -74,10 +75,10 @@ def gear(rng: np.random.Generator, c: Conditions, m: Motion) -> pd.DataFrame:
 def imu(rng: np.random.Generator, c: Conditions, m: Motion, origin: Origin) -> pd.DataFrame:
     """Accelerometer and, where fitted, gyro at 20 Hz, in the body origin."""
     time = np.arange(0.0, c.duration + IMU_DT / 2, IMU_DT)
-    angles = CubicSpline(m.time, np.column_stack([m.heading, m.pitch, m.roll]))
+    angles = CubicSpline(m.time, np.column_stack([m.roll, m.pitch, m.heading]))
     place = CubicSpline(m.time, m.pose.p_n)
-    R = ground.attitude(*angles(time).T)
-    R_mid = ground.attitude(*angles(time[1:] - IMU_DT / 2).T)
+    R = rotation_of_angles(*angles(time).T)
+    R_mid = rotation_of_angles(*angles(time[1:] - IMU_DT / 2).T)
     a_n = np.diff(place(time, 1), axis=0) / IMU_DT
     force = np.einsum("nji,nj->ni", R_mid, a_n - origin.gravity(place(time[1:])))
     speed = np.linalg.norm(place(time[1:], 1), axis=1)[:, None]
