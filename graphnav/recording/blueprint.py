@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 # re_viewer_context::GLOBAL_VIEW_ID). Should it change, plots open on a 60 s window: no harm done.
 GLOBAL_VIEW = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc"
 
+WINDOW = 800.0  # pixels: height the rows are shared for
+
 
 def layout(results: Results, entries: list[Entry]) -> "rrb.Blueprint":
     """3D views and plots side by side above the motion-state timeline, all on one time axis."""
@@ -24,12 +26,13 @@ def layout(results: Results, entries: list[Entry]) -> "rrb.Blueprint":
 
     logged = {entry.entity for entry in entries}
     upper = rrb.Horizontal(_space(results), _plots(entries, logged), column_shares=[5, 6])
-    lanes = 1.2 + 0.42 * sum(entity.startswith("/state/") for entity in logged)
+    lanes = sum(entity.startswith("/state/") for entity in logged)
+    share = min(0.5, (58 + 38 * lanes) / WINDOW)
     lower = rrb.StateTimelineView(
         origin="/state", name="Motion state", time_view=rrb.TimeAxis(link="LinkToGlobal")
     )
     return _linked_blueprint()(
-        rrb.Vertical(upper, lower, row_shares=[max(4.0, 13 - lanes), lanes]),
+        rrb.Vertical(upper, lower, row_shares=[1 - share, share]),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline=TIMELINE, play_state="paused"),
@@ -63,7 +66,7 @@ def _space(results: Results) -> "rrb.Tabs":
     centre = (low + high) / 2
     size = max(float(np.max(high - low)), 20.0)
     above = rrb.EyeControls3D(
-        position=centre + size * np.array([0.0, -0.45, 1.0]),
+        position=centre + size * np.array([0.0, -0.5, 1.25]),
         look_target=centre,
         eye_up=[0.0, 0.0, 1.0],
         kind="Orbital",
@@ -75,7 +78,11 @@ def _space(results: Results) -> "rrb.Tabs":
         kind="Orbital",
     )
     overview = rrb.Spatial3DView(
-        origin="/world", name="Overview", eye_controls=above, line_grid=False
+        origin="/world",
+        name="Overview",
+        eye_controls=above,
+        line_grid=False,
+        overrides={"/world/incremental": rrb.EntityBehavior(visible=False)},
     )
     follow = rrb.Spatial3DView(
         origin="/world/vehicle",
@@ -100,12 +107,12 @@ def _plots(entries: list[Entry], logged: set[str]) -> "rrb.Tabs":
 
 
 def children(parent: str, logged: Iterable[str]) -> list[str]:
-    """Direct children of an entity, in the order velocity, axes and names read best."""
+    """Direct children of an entity, in the order that reads best, unknown ones last by name."""
     depth = parent.count("/") + 2
     found = {"/".join(e.split("/")[:depth]) for e in logged if e.startswith(parent + "/")}
-    order = ["forward", "lateral", "vertical", "east", "north", "up", "x", "y", "z"]
-    return sorted(found, key=lambda e: (order.index(e.rsplit("/")[-1])
-                                        if e.rsplit("/")[-1] in order else len(order), e))  # fmt: skip
+    known = ["forward", "lateral", "vertical", "east", "north", "up", *"xyz", *curves.TITLE]
+    rank = {name: k for k, name in enumerate(known)}
+    return sorted(found, key=lambda e: (rank.get(e.rsplit("/")[-1], len(rank)), e))
 
 
 def _plot(origin: str, name: str, y_range: tuple[float, float] | None = None) -> Any:

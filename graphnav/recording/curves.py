@@ -11,15 +11,15 @@ from graphnav.results import Curve, Results, columns
 Array = NDArray[np.float64]
 
 TITLE = {
+    "odometer_scale": "Odometer scale",
     "gyro_bias_deg_h": "Gyro bias",
     "accel_bias_mg": "Accelerometer bias",
-    "odometer_scale": "Odometer scale",
     "mounting_deg": "Mounting",
     "lever_arm_m": "Lever arm",
     "time_offset_s": "Time offset",
-    "forward_factor": "Forward factor by state",
-    "lateral_offset_m": "Lateral offset by state",
-    "kappa": "Lateral factor kappa by state",
+    "forward_factor": "Forward factor",
+    "lateral_offset_m": "Lateral offset",
+    "kappa": "Lateral factor",
     "effective_track_width_m": "Effective track width",
     "slip_coefficient": "Slip coefficient",
 }
@@ -67,11 +67,13 @@ def _in_force(results: Results, curve: Curve) -> list[Entry]:
     if states.empty:
         return []
     start, end = columns(states, "start", "end").T
-    time = np.stack([start, np.maximum(start, end - 1e-3)], -1).reshape(-1)
-    which = np.repeat([curve.components.index(s) for s in states["state"]], 2)
-    value, sd = curve.at(time)
+    # first, last and, to break the line before the next state, nothing
+    time = np.stack([start, np.maximum(start, end - 2e-3), end - 1e-3], -1).reshape(-1)
+    which = np.repeat([curve.components.index(s) for s in states["state"]], 3)
     rows = np.arange(len(time))
+    value, sd = (both[rows, which] for both in curve.at(time))
+    value[2::3] = np.nan
     name = "factor of the present state, ±3σ"
     entity = f"/calibration/{part(curve.name)}/in_force"
     at = time - results.clock_start
-    return band(entity, at, value[rows, which], sd[rows, which], name, palette.ODOMETER)
+    return band(entity, at, value, sd, name, palette.ODOMETER)

@@ -48,7 +48,7 @@ def _fixes(results: Results) -> list[Entry]:
     return static("/map/gnss", points)
 
 
-def zoom(results: Results, pixels: float = 700.0) -> float:
+def zoom(results: Results, pixels: float = 450.0) -> float:
     """Web-Mercator zoom level that shows the whole run across `pixels`."""
     lat, lon = columns(results.trajectory, "lat", "lon").T
     width = np.ptp(lon)

@@ -26,7 +26,7 @@ def entries(results: Results) -> list[Entry]:
     return [
         *_smoothed(results),
         *_line("/world/dead_reckoning", results.dead_reckoning, palette.DEAD_RECKONING, 1.2),
-        *_line("/world/truth", results.truth, palette.TRUTH, 1.2),
+        *_line("/world/truth", results.truth, palette.TRUTH, 0.7),
         *_line("/world/incremental", results.causal, palette.CAUSAL, 1.0),
         *_fixes(results),
         *_ellipses(results),
@@ -137,9 +137,11 @@ def _vehicle(results: Results) -> list[Entry]:
         translation=results.p_n[rows], quaternion=so3.quaternion(results.R_nb[rows])
     )
     colour = np.array([palette.rgba32("#f2f4f8")], np.uint32)
+    # in screen points, so that the vehicle is seen in the overview too
+    dot = rr.Points3D([[0.0, 0.0, 0.0]], colors=colour, radii=rr.Radius.ui_points(4.0))
     box = rr.Boxes3D(half_sizes=[VEHICLE_HALF], colors=colour, radii=rr.Radius.ui_points(1.0))
     time = results.time[rows] - results.clock_start
     return [
         over_time("/world/vehicle", time, moving),
-        *static("/world/vehicle", rr.TransformAxes3D(6.0), box),
+        *static("/world/vehicle", rr.TransformAxes3D(6.0), box, dot),
     ]

@@ -86,26 +86,27 @@ def _errors(results: Results) -> list[Entry]:
 
 
 def band(entity: str, time: Array, value: Array, sd: Array, name: str, colour: str) -> list[Entry]:
-    """A line with its 3-sigma band, (N,) each; rerun draws one standard deviation, hence the 3."""
+    """A line with its 3-sigma band, (N,) each, broken at NaN.
+
+    rerun draws one standard deviation, hence the 3.
+    """
     import rerun as rr
 
-    known = np.isfinite(value)
     style = rr.Measurements.from_fields(
         names=name, colors=np.array([palette.rgba32(colour)], np.uint32)
     )
-    variances = (3.0 * np.nan_to_num(sd[known])) ** 2
-    content = rr.Measurements.columns(values=value[known], variances=variances)
-    drawn = over_time(entity, time[known], content)
-    return [*static(entity, style), replace(drawn, y_range=_range(value[known], sd[known]))]
+    variances = (3.0 * np.nan_to_num(sd)) ** 2
+    drawn = over_time(entity, time, rr.Measurements.columns(values=value, variances=variances))
+    return [*static(entity, style), replace(drawn, y_range=_range(value, sd))]
 
 
 def _range(value: Array, sd: Array) -> tuple[float, float]:
     """Shows every value and the usual width of the band; a band blown up somewhere may run out."""
+    value, sd = value[np.isfinite(value)], np.nan_to_num(sd)
     if not len(value):
         return -1.0, 1.0
-    reach = 3.3 * np.nan_to_num(sd)
-    usual = min(float(np.max(reach)), 3.0 * float(np.median(reach)) + float(np.ptp(value)))
-    low, high = float(np.min(value)) - usual, float(np.max(value)) + usual
+    usual = min(3.3 * float(sd.max()), 10.0 * float(np.median(sd)) + float(np.ptp(value)))
+    low, high = float(value.min()) - usual, float(value.max()) + usual
     return (low, high) if high > low else (low - 1.0, high + 1.0)
 
 

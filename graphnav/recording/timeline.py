@@ -16,11 +16,11 @@ Array = NDArray[np.float64]
 
 
 def entries(results: Results) -> list[Entry]:
-    """Everything below `/state`."""
+    """Everything below `/state`; the viewer orders lanes by name."""
     starts = columns(results.states, "start")[:, 0]
     names = [str(s) for s in results.states["state"]]
     return [
-        *_motion(results, "/state/recognised", starts, names),
+        *_motion(results, "/state/motion", starts, names),
         *_true(results),
         *_events(results),
     ]
@@ -46,7 +46,7 @@ def _true(results: Results) -> list[Entry]:
     names = results.truth["state"].fillna("").astype(str).to_numpy()
     first = np.flatnonzero(np.append(True, names[1:] != names[:-1]))
     starts = columns(results.truth, "time")[first, 0]
-    return _motion(results, "/state/true", starts, [str(s) for s in names[first]])
+    return _motion(results, "/state/motion_true", starts, [str(s) for s in names[first]])
 
 
 def _events(results: Results) -> list[Entry]:
@@ -71,5 +71,5 @@ def _event_lane(results: Results, kind: str, events: "DataFrame") -> list[Entry]
     end = np.minimum(end, np.append(start[1:], np.inf))  # a lane shows one event at a time
     time = np.stack([start, end], -1).reshape(-1) - results.clock_start
     change = rr.StateChange.columns(state=[kind, ""] * len(events))
-    entity = f"/state/{part(kind)}"
+    entity = f"/state/slip/{part(kind)}"
     return [*static(entity, configuration), over_time(entity, time, change)]
