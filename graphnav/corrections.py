@@ -77,24 +77,16 @@ def correction_table(vehicle: VehicleParams) -> dict[str, Correction]:
     """
     if vehicle.kind != "tracked":
         rows = (
-            Correction(
-                "stop", 1.0, 0.0, 0.0, 0.0, 0.0, True, False, 0.01, 0.01, "ZUPT"
-            ),
-            Correction(
-                "moving", 1.0, 0.02, 0.0, 0.0, 0.0, True, False, 0.05, 0.05, "D1"
-            ),
+            Correction("stop", 1.0, 0.0, 0.0, 0.0, 0.0, True, False, 0.01, 0.01, "ZUPT"),
+            Correction("moving", 1.0, 0.02, 0.0, 0.0, 0.0, True, False, 0.05, 0.05, "D1"),
         )
         return {row.state: row for row in rows}
     low = 1.0 / vehicle.low_gear_ratio
     half, k, k_sd = vehicle.track_gauge / 2.0, KAPPA, KAPPA_SD
     # state, factor, sd, half_gauge, kappa, sd, use_odometer, low_gear, sigma_y, sigma_x, source
     rows = (
-        Correction(
-            "straight_high", 1.0, 0.03, 0.0, 0.0, 0.0, True, False, 0.03, 0.03, "A6"
-        ),
-        Correction(
-            "straight_low", low, 0.04, 0.0, 0.0, 0.0, True, True, 0.03, 0.03, "A6, A7"
-        ),
+        Correction("straight_high", 1.0, 0.03, 0.0, 0.0, 0.0, True, False, 0.03, 0.03, "A6"),
+        Correction("straight_low", low, 0.04, 0.0, 0.0, 0.0, True, True, 0.03, 0.03, "A6, A7"),
         Correction("stop", 1.0, 0.0, 0.0, 0.0, 0.0, True, False, 0.01, 0.01, "table 1"),
         Correction(
             "turn_arc",

@@ -6,7 +6,7 @@ Source: A1-A16 (Wu & Yin 2019, table 1 and section 2).
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,6 +30,7 @@ from graphnav.viterbi import Chain, most_probable, posterior
 
 STEP = 0.2  # s between the model's steps
 DWELL = 1.6  # s a state lasts at least
+CUT_REACH = 0.5  # s a cut may move, so that two never meet
 SD_CENTRIPETAL = 0.4  # m/s^2 of a_c that is not v_y phi_dot: vibration, side slip
 SPEED_WANDER = 0.1  # m/s^2 at which an error of the inertial speed changes
 SD_SPEED_LEAST = 0.05  # m/s; no inertial speed is believed further
@@ -94,16 +95,39 @@ def recognise(
     probability = posterior(chain)[np.arange(len(path)), path]
     names = np.array([model.correction.state for model in models])
     timeline = timeline_from_states(time, names[path], probability)
-    return timeline.covering(float(kinematics.time[0]), float(kinematics.time[-1]))
+    timeline = timeline.covering(float(kinematics.time[0]), float(kinematics.time[-1]))
+    return _cut_at_half_turn(timeline, kinematics)
+
+
+def _cut_at_half_turn(timeline: Timeline, kinematics: Kinematics) -> Timeline:
+    """Move the cuts between turning and not to where the yaw rate is half that of the turn.
+
+    There what a factor gets wrong in the ramp before and after the cut is equal and opposite.
+    """
+    if len(timeline) < 2:
+        return timeline
+    time, turning = kinematics.time, np.abs(kinematics.yaw_rate)
+    segment = timeline.segment_at(time)
+    steady = np.array([np.median(turning[segment == i]) for i in range(len(timeline))])
+    turns = np.char.startswith(timeline.state, "turn")
+    one_side = turns[1:] != turns[:-1]
+    half = 0.5 * np.where(turns[1:], steady[1:], steady[:-1])
+    reach = round(CUT_REACH / float(np.mean(np.diff(time))))
+    near = np.searchsorted(time, timeline.boundaries)[:, None] + np.arange(-reach, reach + 1)
+    near = np.clip(near, 1, len(time) - 2)
+    rows = np.arange(len(near))
+    best = near[rows, np.abs(turning[near] - half[:, None]).argmin(axis=1)]
+    cuts = np.where(one_side, time[best], timeline.boundaries)
+    return replace(
+        timeline, start=np.r_[timeline.start[0], cuts], end=np.r_[cuts, timeline.end[-1]]
+    )
 
 
 def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
     """Smooth the kinematics over 0.3 s and take every STEP; forward made positive."""
     gaps = np.diff(kinematics.time)
     if len(gaps) < 20 or np.ptp(gaps) > 0.1 * gaps.mean():
-        raise SolutionError(
-            "motion states: need at least 2 s of kinematics on a uniform grid"
-        )
+        raise SolutionError("motion states: need at least 2 s of kinematics on a uniform grid")
     dt = float(gaps.mean())
     every = max(1, round(STEP / dt))
     taken = np.arange(every // 2, len(kinematics.time), every)
@@ -157,9 +181,7 @@ def _inertial_speed(
     a_c = smooth(kinematics.a_c, 0.6)
     push = np.where(np.isfinite(a_c), yaw_rate, 0.0) / SD_CENTRIPETAL**2
     total = weight + push * yaw_rate
-    speed = (
-        weight * np.where(known, kinematics.v_y, 0.0) - push * np.nan_to_num(a_c)
-    ) / total
+    speed = (weight * np.where(known, kinematics.v_y, 0.0) - push * np.nan_to_num(a_c)) / total
     persistence = np.where(known, weight / total * sd / SPEED_WANDER, 0.0)
     return speed, total**-0.5, CORRELATION + persistence
 
@@ -167,9 +189,7 @@ def _inertial_speed(
 def _chain(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Chain:
     """The hidden Markov model of these moments."""
     names = [model.correction.state for model in models]
-    leave = np.array(
-        [moments.step / MEAN_DURATION.get(name, MEAN_TURN) for name in names]
-    )
+    leave = np.array([moments.step / MEAN_DURATION.get(name, MEAN_TURN) for name in names])
     weight = np.full((len(names), len(names)), IMPLAUSIBLE)
     for changes, value in ((RARE_CHANGES, RARE), (USUAL_CHANGES, 1.0)):
         for one, others in changes.items():

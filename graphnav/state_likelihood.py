@@ -25,12 +25,10 @@ R_MAX = 50.0  # B; straighter than this is straight (A6); separated turns reach 
 R_ENDLESS = 1000.0  # B; radii are capped here
 R_PIVOT = 0.25  # B; half the theoretical pivot radius (A8)
 GROUND_SPREAD = 0.15  # of the radius: soil against concrete, 5-15 %
-HEADING_CHANGE_MAX = 0.6  # rad in one filter period of 1 s (A16): a pivot turns 0.4
+HEADING_CHANGE_MAX = 1.0  # rad in one filter period of 1 s (A16): pivots turn 0.4 to 0.8
 WEAVE = 0.005  # rad/s of steering about a straight line, not a turn
 CORRELATION = 0.6  # s; evidence of neighbouring steps counts once per this time
-OUTLIER = (
-    -6.0
-)  # log likelihood ratio at which a disagreeing witness is no longer believed
+OUTLIER = -6.0  # log likelihood ratio at which a disagreeing witness is no longer believed
 TOP_SPEED = 25.0  # m/s; a moving odometer may show anything up to it
 NO_EVIDENCE = 1e3  # m/s, sd that stands for "not known"
 INCREMENT_SD = 0.06  # m/s; pulses, tilt and vibration over the window
@@ -53,9 +51,7 @@ class Moments:
     odometer_after: Array
     yaw_rate_before: Array  # rad/s, magnitude
     yaw_rate_after: Array
-    gained: (
-        Array  # m/s, accelerometer's speed change between the two; NaN where unknown
-    )
+    gained: Array  # m/s, accelerometer's speed change between the two; NaN where unknown
 
 
 @dataclass(frozen=True)
@@ -94,9 +90,7 @@ BANDS: dict[str, tuple[float, float, float, float]] = {
 }
 
 
-def state_models(
-    vehicle: VehicleParams, table: dict[str, Correction]
-) -> tuple[StateModel, ...]:
+def state_models(vehicle: VehicleParams, table: dict[str, Correction]) -> tuple[StateModel, ...]:
     """The states this vehicle can be in; low ones only where the gear ratio tells them apart."""
     has_low_gear = vehicle.low_gear_ratio > 1.1
     return tuple(
@@ -106,9 +100,7 @@ def state_models(
     )
 
 
-def step_likelihood(
-    moments: Moments, models: tuple[StateModel, ...], gauge: float
-) -> Array:
+def step_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Array:
     """Log likelihood of each step's data in each state, (T, S), tempered for correlation.
 
     `gauge` B in m. Sources: A1-A6, A8-A16.
@@ -118,26 +110,18 @@ def step_likelihood(
     per_state = [
         rarer * _speed(moments, model)
         + once
-        * (
-            _odometer(moments, model)
-            + _radius(moments, model, gauge)
-            + _rest(moments, model)
-        )
+        * (_odometer(moments, model) + _radius(moments, model, gauge) + _rest(moments, model))
         for model in models
     ]
     same_state = np.einsum("tii->ti", increment_likelihood(moments, models, gauge))
-    return np.column_stack(per_state) + same_state * min(
-        1.0, moments.step / (2 * HALF_WINDOW)
-    )
+    return np.column_stack(per_state) + same_state * min(1.0, moments.step / (2 * HALF_WINDOW))
 
 
 def _gaussian(error: Array, sd: Array) -> Array:
     return -0.5 * (error / sd) ** 2 - np.log(sd)
 
 
-def _predicted_speed(
-    model: StateModel, odometer: Array, yaw_rate: Array
-) -> tuple[Array, Array]:
+def _predicted_speed(model: StateModel, odometer: Array, yaw_rate: Array) -> tuple[Array, Array]:
     """Forward speed the odometer would mean in this state and its sd, m/s."""
     speed = np.maximum(model.correction.forward(odometer, yaw_rate), 0.0)
     return speed, np.hypot(model.spread * speed, 0.05)
@@ -167,9 +151,7 @@ def _odometer(moments: Moments, model: StateModel) -> Array:
         return np.nan_to_num(np.maximum(density, 4 * OUTLIER))
     excess = np.maximum(moments.odometer - model.fastest, 0.0)
     too_fast = np.maximum(-0.5 * (excess / (0.1 * model.fastest)) ** 2, 2 * OUTLIER)
-    return np.nan_to_num(
-        too_fast - np.log(TOP_SPEED)
-    )  # no state gains by being a slow one
+    return np.nan_to_num(too_fast - np.log(TOP_SPEED))  # no state gains by being a slow one
 
 
 def _radius(moments: Moments, model: StateModel, gauge: float) -> Array:
@@ -180,17 +162,28 @@ def _radius(moments: Moments, model: StateModel, gauge: float) -> Array:
     weight_inertial = 1.0 / moments.sd_speed**2
     weight = weight_odometer + weight_inertial
     speed = (
-        weight_inertial * moments.speed
-        + weight_odometer * np.where(known, odometer, 0.0)
+        weight_inertial * moments.speed + weight_odometer * np.where(known, odometer, 0.0)
     ) / weight
     speed = np.maximum(speed, 0.05)
     blur = np.hypot(GROUND_SPREAD, np.minimum(1.0 / np.sqrt(weight) / speed, 2.0))
     turning = np.maximum(moments.yaw_rate - WEAVE, speed / (R_ENDLESS * gauge))
     place = np.log(speed / turning / gauge)
-    low, high = np.log(model.nearest), np.log(model.farthest)
-    edge = np.inf if model.farthest == R_ENDLESS else high  # the cap is no upper edge
-    inside = ndtr((place - low) / blur) - ndtr((place - edge) / blur)
-    return np.log(inside / (high - low) + np.exp(2 * OUTLIER))
+    steady = _share_inside(place, model.nearest, model.farthest, blur)
+    if not model.correction.state.startswith("turn"):
+        return np.log(steady + np.exp(2 * OUTLIER))
+    # a turn that begins or ends passes through every larger radius on its way
+    ramp = np.abs(moments.yaw_rate_after - moments.yaw_rate_before) / (
+        moments.yaw_rate_after + moments.yaw_rate_before + WEAVE
+    )
+    passing = _share_inside(place, model.nearest, max(R_MAX, model.farthest), blur)
+    return np.log((1.0 - ramp) * steady + ramp * passing + np.exp(2 * OUTLIER))
+
+
+def _share_inside(place: Array, nearest: float, farthest: float, blur: Array) -> Array:
+    """Density at `place` = log(|rho| / B) of a uniform band blurred by `blur`."""
+    low, high = np.log(nearest), np.log(farthest)
+    edge = np.inf if farthest == R_ENDLESS else high  # the cap is no upper edge
+    return (ndtr((place - low) / blur) - ndtr((place - edge) / blur)) / (high - low)
 
 
 def _rest(moments: Moments, model: StateModel) -> Array:
@@ -202,29 +195,19 @@ def _rest(moments: Moments, model: StateModel) -> Array:
     if model.correction.state != "stop":
         return size
     turning = -0.5 * (np.maximum(moments.yaw_rate - WEAVE, 0.0) / 0.01) ** 2
-    return (
-        size
-        + np.maximum(turning, 4 * OUTLIER)
-        + np.where(moments.standing, -OUTLIER, 0.0)
-    )
+    return size + np.maximum(turning, 4 * OUTLIER) + np.where(moments.standing, -OUTLIER, 0.0)
 
 
-def increment_likelihood(
-    moments: Moments, models: tuple[StateModel, ...], gauge: float
-) -> Array:
+def increment_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Array:
     """Log likelihood of the speed change around each step, were it i before and j after, (T, S, S).
 
     A gear change moves `v_o / v_y` by 1.42 within a second while the accelerometer sees nothing of
     it; inside a state both see the same change in the ratio of its factor. Zero where unknown.
     """
     before = [
-        _predicted_speed(m, moments.odometer_before, moments.yaw_rate_before)[0]
-        for m in models
+        _predicted_speed(m, moments.odometer_before, moments.yaw_rate_before)[0] for m in models
     ]
-    after = [
-        _predicted_speed(m, moments.odometer_after, moments.yaw_rate_after)[0]
-        for m in models
-    ]
+    after = [_predicted_speed(m, moments.odometer_after, moments.yaw_rate_after)[0] for m in models]
     spread = np.array([m.spread for m in models])
     start, end = np.column_stack(before)[:, :, None], np.column_stack(after)[:, None, :]
     error = end - start - moments.gained[:, None, None]
@@ -235,13 +218,11 @@ def increment_likelihood(
     # while a turn begins or ends the faster track gains on the middle as its factor allows
     swing = 0.5 * gauge * (moments.yaw_rate_after - moments.yaw_rate_before)
     variance = variance + swing[:, None, None] ** 2
-    value = np.maximum(-0.5 * error**2 / variance, 2 * OUTLIER)
+    value = np.maximum(-0.5 * error**2 / variance, 3 * OUTLIER)
     return np.where(np.isnan(value), 0.0, value)
 
 
-def change_likelihood(
-    moments: Moments, models: tuple[StateModel, ...], gauge: float
-) -> Array:
+def change_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Array:
     """What the increments say for a change i -> j, (T, S, S).
 
     Measured against the best explanation without a change of gear, so that only a gear change is

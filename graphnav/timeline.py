@@ -23,9 +23,7 @@ class Timeline:
     def __post_init__(self) -> None:
         gap_free = len(self.start) > 0 and np.array_equal(self.end[:-1], self.start[1:])
         if not gap_free or np.any(self.end <= self.start):
-            raise SolutionError(
-                "motion states: the timeline has gaps or empty segments"
-            )
+            raise SolutionError("motion states: the timeline has gaps or empty segments")
 
     def __len__(self) -> int:
         return len(self.start)
@@ -78,9 +76,7 @@ class Timeline:
         }
 
 
-def timeline_from_states(
-    time: Array, state: Names, probability: Array | None = None
-) -> Timeline:
+def timeline_from_states(time: Array, state: Names, probability: Array | None = None) -> Timeline:
     """Run-length code the states of samples at `time` (N,) s; cuts fall midway between samples.
 
     `probability` (N,) is averaged over each segment; without it every segment has 1.

@@ -17,9 +17,7 @@ class Chain:
     """T steps of S states, entered and left as the data and the transition table allow."""
 
     likelihood: Array  # (T, S) log likelihood of each step's data
-    change: (
-        Array  # (T, S, S) log probability of i -> j on entering step t; diagonal -inf
-    )
+    change: Array  # (T, S, S) log probability of i -> j on entering step t; diagonal -inf
     stay: Array  # (S,) log probability of staying one step more
     initial: Array  # (S,) log probability at step 0
     dwell: int  # steps a state lasts at least; the first and the last state are exempt
@@ -32,9 +30,7 @@ def most_probable(chain: Chain) -> NDArray[np.intp]:
     score = np.full((states, chain.dwell), -np.inf)
     score[:, last] = chain.initial + chain.likelihood[0]
     came_from = np.zeros((steps, states), dtype=np.intp)  # best state to have left
-    entered = np.zeros(
-        (steps, states), dtype=np.intp
-    )  # step at which the dwelt state was entered
+    entered = np.zeros((steps, states), dtype=np.intp)  # step at which the dwelt state was entered
     fresh = np.zeros((states, chain.dwell), dtype=np.intp)
     every = np.arange(states)
     for t in range(1, steps):
