@@ -83,21 +83,34 @@ def prior(layout: Layout, calibration: Array) -> Block:
     return Block("calibration_prior", axes, np.zeros(1), residual, (term,))
 
 
-def walk(layout: Layout, calibration: Array, time: Array) -> Block:
+def walk(layout: Layout, calibration: Array, time: Array, heavy: tuple[str, ...]) -> list[Block]:
     """Random walk between segments (B6): `(c_{k+1} - c_k) / (walk sqrt(dt))`.
 
-    `calibration` (K, dim), `time` (K,) s, the middles of the segments. Marked robust: a heavy-tailed
-    step lets a puncture be a step instead of a smear.
+    `calibration` (K, dim), `time` (K,) s, the middles of the segments. The components named in
+    `heavy` form a block of their own that is marked robust: a heavy-tailed step lets a puncture be
+    a step of the scale factor instead of a smear.
     """
-    K, d = calibration.shape
-    inverse = 1 / (layout.walk * np.sqrt(np.diff(time))[:, None])  # (K - 1, dim)
-    eye = np.eye(d)[None] * inverse[:, :, None]
-    index: Index = np.arange(K - 1)
+    chosen = [np.arange(s.start, s.stop) for name, s in layout.slices.items() if name in heavy]
+    tail = np.concatenate(chosen) if chosen else np.zeros(0, np.int64)
+    rest = np.setdiff1d(np.arange(layout.dim), tail)
+    blocks = [_walk("calibration_walk", layout, calibration, time, rest, False)]
+    if len(tail):
+        blocks.append(_walk("scale_walk", layout, calibration, time, tail, True))
+    return blocks
+
+
+def _walk(
+    kind: str, layout: Layout, calibration: Array, time: Array, rows: Index, robust: bool
+) -> Block:
+    """Walk of some components (r,) as one block."""
+    inverse = 1 / (layout.walk[rows] * np.sqrt(np.diff(time))[:, None])  # (K - 1, r)
+    select = np.eye(layout.dim)[rows][None] * inverse[:, :, None]
+    index: Index = np.arange(len(calibration) - 1)
     return Block(
-        kind="calibration_walk",
-        axes=tuple(str(k) for k in range(d)),
+        kind=kind,
+        axes=tuple(str(k) for k in rows),
         time=time[1:],
-        residual=np.diff(calibration, axis=0) * inverse,
-        terms=(Term("c", index, -eye), Term("c", index + 1, eye)),
-        robust=True,
+        residual=np.diff(calibration[:, rows], axis=0) * inverse,
+        terms=(Term("c", index, -select), Term("c", index + 1, select)),
+        robust=robust,
     )

@@ -3,7 +3,7 @@
 With `C_k` the gyro-integrated rotation since node i and `d_k` the odometer's distance steps, the
 vehicle point moves, in the body frame of node i,
 
-    D = f (1 + s) [sum C_k d_k] R_bm e_y - h [sum C_k |dpsi_k|] R_bm e_y - kappa L [sum C_k dpsi_k] R_bm e_x
+    D = f (1 + s) [sum C_k d_k] R_bm e_y - h [sum C_k |dpsi_k| sign d_k] R_bm e_y - kappa L [sum C_k dpsi_k] R_bm e_x
 
 (forward: A19/A20/A23, lateral: A17), and the residual is
 
@@ -37,7 +37,7 @@ class OdometerSums:
     distance_rate: Array  # d/d(delay) of it [m/s]
     distance_late: Array  # of t_k d_k [m s], for the gyro bias
     turn: Array  # of dpsi_k [rad]
-    turn_abs: Array  # of |dpsi_k| [rad]
+    turn_abs: Array  # of |dpsi_k| sign(d_k) [rad]
     R_mid: Array  # (n, 3, 3) mean rotation since node i, orthonormal
 
 
@@ -45,9 +45,9 @@ class OdometerSums:
 class Correction:
     """How the odometer is to be read in each interval; columns are -1 where not calibrated."""
 
-    forward: Array  # (n,) f
+    forward: Array  # (n,) f where it is not calibrated
     gauge: Array  # (n,) h [m]
-    lateral: Array  # (n,) kappa L [m]
+    lateral: Array  # (n,) kappa L [m] where it is not calibrated
     forward_column: Index  # (n,) calibration column of f
     lateral_column: Index  # (n,) calibration column of kappa L
     sigma: Array  # (n, 3) m, one sigma of lateral, forward, vertical
@@ -102,12 +102,14 @@ def displacement(
     mount = mounting(c[:, columns.mounting : columns.mounting + 2], roll)
     lever = c[:, columns.lever : columns.lever + 3]
     ex, ey = mount.R_bm @ E_X, mount.R_bm @ E_Y
-    gain = correction.forward * (1 + c[:, columns.scale])
+    forward = _calibrated(c, correction.forward_column, correction.forward)
+    lateral = _calibrated(c, correction.lateral_column, correction.lateral)
+    gain = forward * (1 + c[:, columns.scale])
     travel = so3.mv(sums.distance, ey)
     turned = so3.mv(sums.turn, ex)
     # vectors in the frame of node i, turned into the vehicle frame at mid-interval at the end
     D = gain[:, None] * travel - correction.gauge[:, None] * so3.mv(sums.turn_abs, ey)
-    D = D - correction.lateral[:, None] * turned
+    D = D - lateral[:, None] * turned
     R_i, R_j = R[node], R[node + 1]
     R_ij = so3.transpose(R_i) @ R_j
     moved = so3.mtv(R_i, p[node + 1] - p[node])
@@ -128,12 +130,12 @@ def displacement(
 
     late = so3.mv(sums.distance_late, ey)
     J_c[:, :, 0:3] = -to_m @ so3.skew(gain[:, None] * late)
-    J_c[:, :, columns.scale] = -in_m(correction.forward[:, None] * travel)
+    J_c[:, :, columns.scale] = -in_m(forward[:, None] * travel)
     if columns.delay >= 0:
         J_c[:, :, columns.delay] = -in_m(gain[:, None] * so3.mv(sums.distance_rate, ey))
     tilt = gain[:, None, None] * sums.distance @ mount.R_bm @ so3.skew(E_Y)
     tilt = tilt - correction.gauge[:, None, None] * sums.turn_abs @ mount.R_bm @ so3.skew(E_Y)
-    tilt = tilt - correction.lateral[:, None, None] * sums.turn @ mount.R_bm @ so3.skew(E_X)
+    tilt = tilt - lateral[:, None, None] * sums.turn @ mount.R_bm @ so3.skew(E_X)
     # D turns with R_bm, and so do the axes the residual is told in
     axes_turn = so3.skew(r - _phase_row(phase, node))
     J_c[:, :, columns.mounting : columns.mounting + 2] = (to_m @ tilt + axes_turn) @ mount.jacobian
@@ -154,6 +156,11 @@ def displacement(
         ),
         robust=True,
     )
+
+
+def _calibrated(c: Array, column: Index, otherwise: Array) -> Array:
+    """Each factor's own calibration column, (n,), or the fixed value where it has none."""
+    return np.where(column >= 0, c[np.arange(len(c)), column], otherwise)
 
 
 def _phase_row(phase: Array, node: Index) -> Array:

@@ -1,0 +1,58 @@
+"""Which calibrations a run carries, with priors from the vehicle file."""
+
+import numpy as np
+
+from factors.calibration import Component, Layout
+from factors.displacement import Columns
+from graphnav.corrections import Correction
+from graphnav.earth import G_STANDARD
+from graphnav.run import Array
+from graphnav.vehicle import Vehicle
+
+DEG_H = np.deg2rad(1) / 3600  # rad/s
+DEG_SQRT_H = np.deg2rad(1) / 60  # rad/sqrt(s)
+MG = 1e-3 * G_STANDARD  # m/s^2
+
+BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hour
+SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
+
+
+def layout(vehicle: Vehicle, table: dict[str, Correction]) -> Layout:
+    """The calibration vector: biases, scale, mounting, lever arm, delay, and the ground by state."""
+    imu, odometer = vehicle.imu, vehicle.odometer
+    gyro, accel = imu.gyro_bias_deg_h * DEG_H, imu.accel_bias_mg * MG
+    mount_sd = np.deg2rad(odometer.mount_sd_deg)
+    components = [
+        Component("gyro_bias", np.zeros(3), np.full(3, gyro), BIAS_DRIFT * gyro),
+        Component("accel_bias", np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
+        Component("scale", np.zeros(1), _one(odometer.scale_sd), SCALE_WALK),
+        Component("mounting", odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
+        Component("lever", odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
+    ]
+    if odometer.time_offset_sd_s > 0:
+        components.append(
+            Component("delay", _one(odometer.time_offset_s), _one(odometer.time_offset_sd_s))
+        )
+    for state, row in table.items():
+        if row.use_odometer and row.factor != 1 or row.half_gauge > 0:
+            components.append(Component(f"forward:{state}", _one(row.factor), _one(row.factor_sd)))
+    length = vehicle.body.contact_length
+    for state, row in table.items():
+        if row.kappa_sd > 0:
+            prior, sd = row.kappa * length, row.kappa_sd * length
+            components.append(Component(f"lateral:{state}", _one(prior), _one(sd)))
+    return Layout(tuple(components))
+
+
+def columns(layout: Layout) -> Columns:
+    """Columns the odometer factors use."""
+    return Columns(
+        scale=layout.column("scale"),
+        mounting=layout.column("mounting"),
+        lever=layout.column("lever"),
+        delay=layout.column("delay"),
+    )
+
+
+def _one(x: float) -> Array:
+    return np.array([x])

@@ -1,0 +1,158 @@
+"""What the running gear says between and at nodes: odometer and non-holonomic constraint."""
+
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factors import so3
+from factors.block import Block, Index
+from factors.displacement import Correction as Reading
+from factors.displacement import OdometerSums, displacement, phase_prior
+from factors.preintegration import Preintegrated, interval_of_increment
+from factors.velocity import velocity
+from graphnav import calibrations
+from graphnav.estimate import Estimate
+from graphnav.nodes import Nodes
+from graphnav.odometry import odometer_steps, odometer_sums
+from graphnav.preparation import Prepared
+from graphnav.run import Array, Odometer
+
+Factor = Callable[[Estimate], list[Block]]
+Scales = Mapping[str, float]  # noise found in the data over noise assumed, by "kind:state:axis"
+States = NDArray[np.str_]
+
+SPARSE_S = 0.6  # an odometer slower than this gives velocities, not displacements
+DROPPED = 1e6  # sigma of a row that says nothing
+VERTICAL = 0.05  # m/s, suspension and bumps
+AXES = ("lateral", "forward", "vertical")
+
+
+def motion_factors(
+    prep: Prepared,
+    nodes: Nodes,
+    pre: Preintegrated,
+    state: States,
+    moving: Index,
+    at: Estimate,
+    scales: Scales,
+) -> list[Factor]:
+    """Displacements over the moving intervals; velocities where the odometer is sparse or absent."""
+    odometer = prep.run.odometer
+    phase_only = _phase(nodes, 0.0)
+    if odometer is None:
+        return [_velocities(prep, nodes, pre, state, moving, None, scales), phase_only]
+    if float(np.median(np.diff(odometer.time))) > SPARSE_S:
+        return [_velocities(prep, nodes, pre, state, moving, odometer, scales), phase_only]
+    sums = sums_of(prep, nodes, pre, at)
+    begin, end = nodes.time[moving], nodes.time[moving + 1]
+    on = moving[(begin >= odometer.time[0] - 0.1) & (end <= odometer.time[-1] + 0.1)]
+    return [
+        _displacements(prep, nodes, sums, state, on, scales),
+        _phase(nodes, odometer.pulse),
+    ]
+
+
+def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> OdometerSums:
+    """Odometer sums with the delay and the gyro bias of an estimate."""
+    assert prep.run.odometer is not None
+    column = prep.layout.column("delay")
+    delay = float(np.median(at.calibration[:, column])) if column >= 0 else 0.0
+    owner = interval_of_increment(nodes.edge)
+    earth = at.R_nb[:-1].transpose(0, 2, 1) @ prep.alignment.origin.Omega_n
+    bias = at.calibration[nodes.segment, 2]
+    steps = odometer_steps(
+        prep.inc, prep.run.odometer, delay, bias[owner], earth[owner, 2]
+    )
+    return odometer_sums(prep.inc, pre, nodes.edge, steps)
+
+
+def _phase(nodes: Nodes, pulse: float) -> Factor:
+    return lambda x: [phase_prior(x.phase, nodes.time, pulse)]
+
+
+def _displacements(
+    prep: Prepared, nodes: Nodes, sums: OdometerSums, state: States, on: Index, scales: Scales
+) -> Factor:
+    columns, layout = calibrations.columns(prep.layout), prep.layout
+    roll = float(prep.vehicle.odometer.mount_b[1])
+    names = driven(prep, state[on])
+    rate_sigma = _sigma(prep, names, scales, "displacement")
+    reading = Reading(
+        forward=_column(prep, names, "factor"),
+        gauge=_column(prep, names, "half_gauge"),
+        lateral=_column(prep, names, "kappa") * prep.vehicle.body.contact_length,
+        forward_column=np.array([layout.column(f"forward:{s}") for s in names], np.int64),
+        lateral_column=np.array([layout.column(f"lateral:{s}") for s in names], np.int64),
+        sigma=rate_sigma * np.sqrt(np.diff(nodes.time)[on])[:, None],
+    )
+    picked = OdometerSums(*(getattr(sums, f)[on] for f in sums.__dataclass_fields__))
+    seg, time = nodes.segment[on], nodes.time[on + 1]
+    return lambda x: [
+        displacement(
+            picked, reading, columns, roll, on, x.R_nb, x.p_n, x.phase, x.calibration[seg], seg, time
+        )
+    ]
+
+
+def _velocities(
+    prep: Prepared,
+    nodes: Nodes,
+    pre: Preintegrated,
+    state: States,
+    moving: Index,
+    odometer: Odometer | None,
+    scales: Scales,
+) -> Factor:
+    """Velocity at the end of each moving interval; the forward row only with an odometer."""
+    columns = calibrations.columns(prep.layout)
+    roll = float(prep.vehicle.odometer.mount_b[1])
+    names, node = driven(prep, state[moving]), moving + 1
+    seg, time = nodes.segment[moving], nodes.time[node]
+    rate = so3.log(pre.dR)[moving] / pre.T[moving, None]
+    sigma = _sigma(prep, names, scales, "velocity")
+    if odometer is None:
+        speed = np.zeros(len(node))
+        sigma[:, 1] = DROPPED
+    else:
+        speed = np.interp(time, odometer.time, odometer.speed)
+        speed *= _column(prep, names, "factor")
+    lateral = -_column(prep, names, "kappa") * prep.vehicle.body.contact_length * rate[:, 2]
+    return lambda x: [
+        velocity(
+            speed,
+            lateral,
+            sigma,
+            rate,
+            columns,
+            roll,
+            node,
+            x.R_nb,
+            x.v_n,
+            x.calibration[seg],
+            seg,
+            time,
+        )
+    ]
+
+
+def driven(prep: Prepared, state: States) -> States:
+    """States of intervals that are not wholly at rest: the edges of a stop are driven straight."""
+    usual = "straight_high" if prep.vehicle.kind == "tracked" else "moving"
+    return np.where(state == "stop", usual, state)
+
+
+def _column(prep: Prepared, names: States, field: str) -> Array:
+    """One column of the correction table for each interval, (n,)."""
+    values = {state: float(getattr(row, field)) for state, row in prep.table.items()}
+    return np.array([values[str(s)] for s in names], dtype=np.float64)
+
+
+def _sigma(prep: Prepared, names: States, scales: Scales, kind: str) -> Array:
+    """Velocity sigma of each interval by axis, (n, 3) m/s; rows the table discards are dropped."""
+    by_state = {}
+    for state, row in prep.table.items():
+        forward = row.sigma_forward if row.use_odometer else DROPPED
+        found = np.array([scales.get(f"{kind}:{state}:{axis}", 1.0) for axis in AXES])
+        by_state[state] = np.array([row.sigma_lateral, forward, VERTICAL]) * found
+    return np.array([by_state[str(s)] for s in names], dtype=np.float64).reshape(-1, 3)

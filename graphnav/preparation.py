@@ -1,0 +1,97 @@
+"""Everything a solution needs that does not change between rounds."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from factors.calibration import Layout
+from factors.preintegration import Increments, InertialNoise
+from graphnav import calibrations
+from graphnav.alignment import Alignment, align
+from graphnav.corrections import Correction, VehicleParams, correction_table
+from graphnav.earth import G_STANDARD
+from graphnav.errors import InputError
+from graphnav.increments import increments
+from graphnav.run import Array, Gnss, Run
+from graphnav.standstill import Mask, spans, standing
+from graphnav.vehicle import Vehicle
+
+Outages = Sequence[tuple[float, float]]  # on the file's clock, s
+
+STANDING_START_S = 3.0  # a rest at least this long, begun in the first seconds, aligns
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A run ready to be smoothed."""
+
+    run: Run
+    vehicle: Vehicle
+    inc: Increments
+    noise: InertialNoise
+    still: Mask  # (M,) whether the vehicle stands, per increment
+    rests: Array  # (K, 2) s, spans of standstill
+    alignment: Alignment
+    table: dict[str, Correction]
+    layout: Layout
+    gnss: Gnss | None  # fixes in use
+    fixes_n: Array  # (F, 3) m, the fixes in use, in n
+
+
+def prepare(run: Run, vehicle: Vehicle, *, use_gnss: bool, outages: Outages) -> Prepared:
+    """Increments, standstill, alignment and calibration layout of a run."""
+    if run.imu is None:
+        raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
+    inc = increments(run.imu)
+    gnss = _in_use(run, outages) if use_gnss and vehicle.gnss.use else None
+    used = Run(**{**run.__dict__, "gnss": gnss})
+    still = standing(inc, run.odometer)
+    rests = spans(still, inc.edge)
+    alignment = align(used, vehicle, inc, standing_start(rests, inc))
+    table = correction_table(params(vehicle))
+    spec = vehicle.imu
+    noise = InertialNoise(
+        gyro=spec.gyro_noise_deg_sqrt_h * calibrations.DEG_SQRT_H,
+        accel=spec.accel_noise_mg_sqrt_hz * 1e-3 * G_STANDARD,
+    )
+    fixes = np.zeros((0, 3))
+    if gnss is not None:
+        fixes = alignment.origin.local(
+            np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
+        )
+    layout = calibrations.layout(vehicle, table)
+    return Prepared(
+        used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes
+    )
+
+
+def params(vehicle: Vehicle) -> VehicleParams:
+    """What state recognition must know of the vehicle."""
+    body = vehicle.body
+    return VehicleParams(
+        vehicle.kind, body.track_gauge, body.contact_length, body.low_gear_ratio
+    )
+
+
+def standing_start(rests: Array, inc: Increments) -> float:
+    """End of a standing start, s; 0 when the run begins on the move."""
+    if len(rests) and rests[0, 0] - inc.edge[0] < 5.0:
+        start, end = rests[0]
+        if end - start >= STANDING_START_S:
+            return float(end)
+    return 0.0
+
+
+def _in_use(run: Run, outages: Outages) -> Gnss | None:
+    """The fixes outside the outages, or None when none is left."""
+    gnss = run.gnss
+    if gnss is None:
+        return None
+    clock = gnss.time + run.clock_start
+    keep = np.ones(len(clock), bool)
+    for start, end in outages:
+        keep &= (clock < start) | (clock > end)
+    if not keep.any():
+        return None
+    return Gnss(*(getattr(gnss, f)[keep] for f in gnss.__dataclass_fields__))

@@ -1,0 +1,161 @@
+"""From a prepared run to its estimate: dead reckoning, motion states and graph, in rounds."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from factors import so3
+from factors.displacement import E_Y
+from factors.preintegration import preintegrate
+from factors.weights import Robust
+from graphnav import reckoning
+from graphnav.densify import Path, densify
+from graphnav.elimination import Covariances, covariances
+from graphnav.estimate import Estimate
+from graphnav.kinematics import kinematics
+from graphnav.motion import sums_of
+from graphnav.motion_states import recognise
+from graphnav.nodes import Nodes, place_nodes
+from graphnav.odometry import speed_at
+from graphnav.preparation import Prepared, params
+from graphnav.problem import Problem, build
+from graphnav.run import Array
+from graphnav.solve import Solution, gauss_newton
+from graphnav.timeline import Timeline, disagreement, timeline_from_states
+
+MAX_ROUNDS = 4
+SAME_TIMELINE = 0.002  # share of time that may still change its state
+FIX_SPACING_S = 0.45
+
+FIRST = {
+    "displacement": Robust("cauchy", 3.0),
+    "velocity": Robust("cauchy", 3.0),
+    "gnss": Robust("cauchy", 3.0),
+    "heading": Robust("cauchy", 3.0),
+}
+FINAL = {
+    "displacement": Robust("igg3", 2.5, 8.0),
+    "velocity": Robust("igg3", 2.5, 8.0),
+    "gnss": Robust("igg3", 2.0, 6.0),
+    "heading": Robust("igg3", 2.0, 6.0),
+    "scale_walk": Robust("cauchy", 3.0),
+}
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A solved run."""
+
+    prep: Prepared
+    problem: Problem
+    solution: Solution
+    timeline: Timeline
+    covariances: Covariances
+    reckoned: Path  # plain dead reckoning
+    iterations: int
+    rounds: int
+
+    @property
+    def estimate(self) -> Estimate:
+        """The states at the nodes."""
+        return self.solution.estimate
+
+
+def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoothed:
+    """Smooth a run; `told` hears the name of each stage as it begins."""
+    told("dead reckoning")
+    nodes = _nodes(prep, np.zeros(0))
+    estimate = first_estimate(prep, nodes)
+    path = _densified(prep, nodes, estimate)
+    reckoned = path
+    told("motion states")
+    timeline = _recognised(prep, path, estimate, None)
+    iterations = 0
+    for round_ in range(1, MAX_ROUNDS + 1):
+        nodes_next = _nodes(prep, timeline.boundaries)
+        estimate = _moved(estimate, nodes, path, nodes_next)
+        nodes = nodes_next
+        told(f"graph, round {round_}")
+        problem = build(prep, nodes, timeline, estimate, {})
+        told(f"solve, round {round_}")
+        robust = FIRST if round_ == 1 else FINAL
+        solution = gauss_newton(problem.linearise, estimate, problem.chain, robust)
+        iterations += solution.iterations
+        estimate = solution.estimate
+        path = densify(prep.inc, problem.pre, nodes, estimate, prep.alignment.origin)
+        told(f"motion states, round {round_}")
+        again = _recognised(prep, path, estimate, nodes)
+        stands = disagreement(timeline, again) < SAME_TIMELINE
+        if round_ > 1 and stands:
+            break
+        timeline = again
+    told("covariances")
+    found = covariances(solution.bayes_net, problem.chain)
+    return Smoothed(
+        prep, problem, solution, timeline, found, reckoned, iterations, round_
+    )
+
+
+def first_estimate(prep: Prepared, nodes: Nodes) -> Estimate:
+    """Dead reckoning at the nodes with prior calibrations."""
+    layout, start = prep.layout, prep.alignment.start
+    calibration = np.tile(layout.prior, (len(nodes.segment_time), 1))
+    calibration[:, :3] = prep.alignment.gyro_bias
+    pre = preintegrate(prep.inc, nodes.edge, calibration[nodes.segment, :6], prep.noise)
+    R_bm = so3.exp(prep.vehicle.odometer.mount_b)
+    odometer = prep.run.odometer
+    if odometer is None:
+        R, v, p = reckoning.inertial_path(pre, start.R_nb, start.v_n, prep.alignment.origin, R_bm)
+    else:
+        R = reckoning.attitudes(pre, start.R_nb, prep.alignment.origin.Omega_n)
+        speed = speed_at(odometer, nodes.time)
+        v = (R @ R_bm @ E_Y) * speed[:, None]
+        blank = Estimate(R, v, v, np.zeros(len(R)), calibration)
+        sums = sums_of(prep, nodes, pre, blank)
+        ones = np.ones(len(pre.T))
+        p = reckoning.odometer_path(R, sums, R_bm, prep.vehicle.odometer.lever_b, ones)
+    return Estimate(R, v, p + start.p_n, np.zeros(len(R)), calibration)
+
+
+def _nodes(prep: Prepared, boundaries: Array) -> Nodes:
+    """Nodes at 1 Hz, standstill edges, state boundaries and fixes."""
+    edges = prep.inc.edge
+    events = np.concatenate([prep.rests.ravel(), boundaries])
+    extra = np.zeros(0)
+    for sensor in (prep.gnss, prep.run.heading):
+        if sensor is not None:
+            slot = np.floor(sensor.time / FIX_SPACING_S)
+            extra = np.concatenate([extra, sensor.time[np.unique(slot, return_index=True)[1]]])
+    return place_nodes(edges, events, extra)
+
+
+def _densified(prep: Prepared, nodes: Nodes, estimate: Estimate) -> Path:
+    pre = preintegrate(prep.inc, nodes.edge, estimate.calibration[nodes.segment, :6], prep.noise)
+    return densify(prep.inc, pre, nodes, estimate, prep.alignment.origin)
+
+
+def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
+    """An estimate carried to other nodes of the same run by its dense path."""
+    calibration = np.stack(
+        [
+            np.interp(new.segment_time, old.segment_time, column)
+            for column in estimate.calibration.T
+        ],
+        -1,
+    )
+    at = new.edge
+    phase = np.interp(new.time, old.time, estimate.phase)
+    return Estimate(path.R_nb[at], path.v_n[at], path.p_n[at], phase, calibration)
+
+
+def _recognised(
+    prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None
+) -> Timeline:
+    """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
+    if prep.vehicle.kind != "tracked" or prep.run.odometer is None:
+        mid = 0.5 * (path.time[1:] + path.time[:-1])
+        state = np.where(prep.still, "stop", "moving")
+        timeline = timeline_from_states(mid, state)
+        return timeline.covering(float(path.time[0]), float(path.time[-1]))
+    return recognise(kinematics(prep, path, estimate, nodes), params(prep.vehicle))

@@ -1,0 +1,75 @@
+"""Where the vehicle stands: spans in which the odometer does not count and the IMU is quiet."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import uniform_filter1d
+
+from factors.preintegration import Increments
+from graphnav.run import Array, Odometer
+
+Mask = NDArray[np.bool_]
+
+WINDOW_S = 1.0
+SHORTEST_S = 1.0
+# without an odometer the IMU alone must be this still: m/s^2 and rad/s, standard deviations
+QUIET_FORCE, QUIET_RATE, SLOW_RATE = 0.06, 0.004, 0.01
+
+
+def standing(inc: Increments, odometer: Odometer | None) -> Mask:
+    """Whether the vehicle stands during each increment, (M,).
+
+    With an odometer its silence names the candidates, and the quietness usual among them decides;
+    an odometer that reads zero while the vehicle creeps is thus overruled by the IMU.
+    """
+    dt = np.diff(inc.edge)
+    width = max(3, round(WINDOW_S / float(np.median(dt))))
+    force, rate = inc.velocity / dt[:, None], inc.rotation / dt[:, None]
+    shake = _deviation(force, width)
+    turn = _deviation(rate, width)
+    if odometer is None:
+        slow = np.linalg.norm(uniform_filter1d(rate, width, axis=0), axis=1) < SLOW_RATE
+        quiet = (shake < QUIET_FORCE) & (turn < QUIET_RATE) & slow
+    else:
+        still = _odometer_silent(inc, odometer)
+        if not still.any():
+            return still
+        quiet = still & (shake < 4 * np.median(shake[still]) + 1e-3)
+        quiet &= turn < 4 * np.median(turn[still]) + 1e-6
+    return _long_enough(quiet, dt)
+
+
+def spans(mask: Mask, edge: Array) -> Array:
+    """Runs of True as (K, 2) start and end times, s."""
+    change = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
+    return np.stack([edge[np.flatnonzero(change == 1)], edge[np.flatnonzero(change == -1)]], -1)
+
+
+def _deviation(x: Array, width: int) -> Array:
+    """Standard deviation of a vector (M, 3) over a centred window, norm over axes, (M,)."""
+    centred = x - x.mean(0)
+    mean = uniform_filter1d(centred, width, axis=0)
+    square = uniform_filter1d(centred**2, width, axis=0)
+    return np.asarray(np.sqrt(np.maximum(square - mean**2, 0).sum(1)))
+
+
+def _odometer_silent(inc: Increments, odometer: Odometer) -> Mask:
+    """Whether the odometer shows no motion within half a window of each increment."""
+    half = WINDOW_S / 2
+    mid = 0.5 * (inc.edge[1:] + inc.edge[:-1])
+    distance = np.interp(mid + half, odometer.time, odometer.distance) - np.interp(
+        mid - half, odometer.time, odometer.distance
+    )
+    covered = (mid >= odometer.time[0] - 2.0) & (mid <= odometer.time[-1] + 2.0)
+    # one count may fall at rest (rocking); a noisy speed counts as zero below 5 cm/s
+    limit = max(1.01 * odometer.pulse, 0.05 * WINDOW_S)
+    return np.asarray(covered & (np.abs(distance) <= limit))
+
+
+def _long_enough(mask: Mask, dt: Array) -> Mask:
+    """Drop runs shorter than `SHORTEST_S`."""
+    change = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    out = mask.copy()
+    for a, b in zip(change[::2], change[1::2], strict=True):
+        if dt[a:b].sum() < SHORTEST_S:
+            out[a:b] = False
+    return out
