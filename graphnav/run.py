@@ -95,3 +95,4 @@ class Run:
     heading: ExternalHeading | None
     rover: RoverGear | None
     accelerometer: Accelerometer | None = None  # only where accel columns come without gyro columns
+    notes: tuple[str, ...] = ()  # what the reading assumed or left out, one line each
