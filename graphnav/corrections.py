@@ -75,84 +75,25 @@ def correction_table(vehicle: VehicleParams) -> dict[str, Correction]:
     `straight_high` is the reference: its factor and the odometer's scale are one number to the
     data, so estimate one of them. Source: A6, A16-A23 (Wu & Yin 2019, table 1, eq. 6-7, 16-23).
     """
-    if vehicle.kind != "tracked":
-        rows = (
-            Correction("stop", 1.0, 0.0, 0.0, 0.0, 0.0, True, False, 0.01, 0.01, "ZUPT"),
-            Correction("moving", 1.0, 0.02, 0.0, 0.0, 0.0, True, False, 0.05, 0.05, "D1"),
-        )
-        return {row.state: row for row in rows}
-    low = 1.0 / vehicle.low_gear_ratio
-    half, k, k_sd = vehicle.track_gauge / 2.0, KAPPA, KAPPA_SD
-    # state, factor, sd, half_gauge, kappa, sd, use_odometer, low_gear, sigma_y, sigma_x, source
-    rows = (
-        Correction("straight_high", 1.0, 0.03, 0.0, 0.0, 0.0, True, False, 0.03, 0.03, "A6"),
-        Correction("straight_low", low, 0.04, 0.0, 0.0, 0.0, True, True, 0.03, 0.03, "A6, A7"),
-        Correction("stop", 1.0, 0.0, 0.0, 0.0, 0.0, True, False, 0.01, 0.01, "table 1"),
-        Correction(
-            "turn_arc",
-            ARC_FACTOR,
-            0.08,
-            0.0,
-            k,
-            k_sd,
-            True,
-            False,
-            0.05,
-            0.05,
-            "A17, A20",
-        ),
-        Correction(
-            "turn_pivot",
-            PIVOT_FACTOR,
-            0.15,
-            0,
-            k,
-            k_sd,
-            False,
-            False,
-            0.5,
-            0.1,
-            "A8-A11",
-        ),
-        Correction(
-            "turn_separated",
-            1.0,
-            0.06,
-            half,
-            k,
-            k_sd,
-            True,
-            False,
-            0.05,
-            0.05,
-            "A17, A23",
-        ),
-        Correction(
-            "turn_separated_low",
-            low,
-            0.05,
-            half,
-            k,
-            k_sd,
-            True,
-            True,
-            0.05,
-            0.05,
-            "A6, A17, A23",
-        ),
-        Correction(
-            "turn_pivot_low",
-            PIVOT_FACTOR * low,
-            0.1,
-            0,
-            k,
-            k_sd,
-            False,
-            True,
-            0.5,
-            0.1,
-            "A8-A11",
-        ),
-        Correction("turn_large", 1.0, 0.3, 0.0, k, 0.2, False, False, 2.0, 0.3, "A16"),
+    ratio, half = vehicle.low_gear_ratio, vehicle.track_gauge / 2.0
+    low, held = 1.0 / ratio, PIVOT_FACTOR
+    k, k_sd = KAPPA, KAPPA_SD
+    # fmt: off
+    tracked = (
+        # state, factor, sd, half_gauge, kappa, sd, use_odometer, low_gear, sigma y, x, source
+        ("straight_high", 1.0, 0.03, 0.0, 0.0, 0.0, True, False, 0.03, 0.03, "A6"),
+        ("straight_low", low, 0.04, 0.0, 0.0, 0.0, True, True, 0.03, 0.03, "A6, A7"),
+        ("stop", 1.0, 0.0, 0.0, 0.0, 0.0, True, False, 0.01, 0.01, "table 1"),
+        ("turn_arc", ARC_FACTOR, 0.08, 0.0, k, k_sd, True, False, 0.05, 0.05, "A17, A20"),
+        ("turn_pivot", held, 0.15, 0.0, k, k_sd, False, False, 0.5, 0.1, "A8-A11"),
+        ("turn_separated", 1.0, 0.06, half, k, k_sd, True, False, 0.05, 0.05, "A17, A23"),
+        ("turn_separated_low", low, 0.05, half, k, k_sd, True, True, 0.05, 0.05, "A6, A17, A23"),
+        ("turn_pivot_low", held * low, 0.1, 0.0, k, k_sd, False, True, 0.5, 0.1, "A6, A8-A11"),
+        ("turn_large", 1.0, 0.3, 0.0, k, k_sd, False, False, 2.0, 0.3, "A16"),
     )
-    return {row.state: row for row in rows}
+    other = (
+        ("stop", 1.0, 0.0, 0.0, 0.0, 0.0, True, False, 0.01, 0.01, "zero velocity"),
+        ("moving", 1.0, 0.02, 0.0, 0.0, 0.0, True, False, 0.05, 0.05, "D1"),
+    )
+    # fmt: on
+    return {row[0]: Correction(*row) for row in (tracked if vehicle.kind == "tracked" else other)}

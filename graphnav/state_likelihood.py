@@ -65,28 +65,20 @@ class StateModel:
     fastest: float  # m/s of v_o, above which the state is not driven
 
 
+# nearest and farthest |rho| [B], spread of v_y / v_o, fastest v_o [m/s]
 BANDS: dict[str, tuple[float, float, float, float]] = {
-    # nearest, farthest [B], spread, fastest [m/s]
     "straight_high": (R_MAX, R_ENDLESS, 0.05, 25.0),
     "straight_low": (R_MAX, R_ENDLESS, 0.06, 15.0),
     "stop": (R_MAX, R_ENDLESS, 0.0, 25.0),
-    "turn_arc": (
-        R_II,
-        2 * R_II,
-        0.08,
-        15.0,
-    ),  # A12-A14; the open band below 1.549 R_II is arc
+    # A12-A14; the open band below 1.549 R_II is arc, too, and soil may widen it beyond 2 R_II
+    "turn_arc": (R_II, 2.4 * R_II, 0.10, 15.0),
     "turn_pivot": (R_PIVOT, R_II, 0.25, 6.0),  # A8-A11
-    "turn_separated": (2 * R_II, R_MAX, 0.06, 20.0),  # A15
-    "turn_separated_low": (
-        R_II,
-        R_MAX,
-        0.08,
-        12.0,
-    ),  # low gear has no arc: both levers engaged
+    "turn_separated": (2.0 * R_II, R_MAX, 0.06, 20.0),  # A15
+    # table 1 has no low arc: whatever is no low pivot is a low separated turn
+    "turn_separated_low": (R_II, R_MAX, 0.08, 12.0),
     "turn_pivot_low": (R_PIVOT, R_II, 0.25, 6.0),
     "turn_large": (R_PIVOT, R_ENDLESS, 1.0, 25.0),  # A16
-    "moving": (R_PIVOT, R_ENDLESS, 0.1, 60.0),
+    "moving": (R_PIVOT, R_ENDLESS, 0.10, 60.0),
 }
 
 
@@ -113,8 +105,10 @@ def step_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: flo
         * (_odometer(moments, model) + _radius(moments, model, gauge) + _rest(moments, model))
         for model in models
     ]
-    same_state = np.einsum("tii->ti", increment_likelihood(moments, models, gauge))
-    return np.column_stack(per_state) + same_state * min(1.0, moments.step / (2 * HALF_WINDOW))
+    same_state: Array = np.einsum("tii->ti", increment_likelihood(moments, models, gauge))
+    same_state = same_state * min(1.0, moments.step / (2 * HALF_WINDOW))  # windows overlap
+    total: Array = np.column_stack(per_state) + same_state
+    return total
 
 
 def _gaussian(error: Array, sd: Array) -> Array:
@@ -140,8 +134,10 @@ def _speed(moments: Moments, model: StateModel) -> Array:
             4 * OUTLIER,
         )
     sd = np.hypot(moments.sd_speed, spread)
-    match = np.logaddexp(_gaussian(moments.speed - predicted, sd), floor - np.log(sd))
-    return np.where(np.isnan(match), -np.log(TOP_SPEED), match)
+    error = moments.speed - predicted
+    known = np.isfinite(error)
+    match = np.logaddexp(_gaussian(np.where(known, error, 0.0), sd), floor - np.log(sd))
+    return np.where(known, match, -np.log(TOP_SPEED))
 
 
 def _odometer(moments: Moments, model: StateModel) -> Array:
@@ -151,7 +147,8 @@ def _odometer(moments: Moments, model: StateModel) -> Array:
         return np.nan_to_num(np.maximum(density, 4 * OUTLIER))
     excess = np.maximum(moments.odometer - model.fastest, 0.0)
     too_fast = np.maximum(-0.5 * (excess / (0.1 * model.fastest)) ** 2, 2 * OUTLIER)
-    return np.nan_to_num(too_fast - np.log(TOP_SPEED))  # no state gains by being a slow one
+    at_speed: Array = too_fast - np.log(TOP_SPEED)  # no state gains by being a slow one
+    return np.nan_to_num(at_speed)
 
 
 def _radius(moments: Moments, model: StateModel, gauge: float) -> Array:
@@ -170,20 +167,23 @@ def _radius(moments: Moments, model: StateModel, gauge: float) -> Array:
     place = np.log(speed / turning / gauge)
     steady = _share_inside(place, model.nearest, model.farthest, blur)
     if not model.correction.state.startswith("turn"):
-        return np.log(steady + np.exp(2 * OUTLIER))
+        density: Array = np.log(steady + np.exp(2 * OUTLIER))
+        return density
     # a turn that begins or ends passes through every larger radius on its way
     ramp = np.abs(moments.yaw_rate_after - moments.yaw_rate_before) / (
         moments.yaw_rate_after + moments.yaw_rate_before + WEAVE
     )
     passing = _share_inside(place, model.nearest, max(R_MAX, model.farthest), blur)
-    return np.log((1.0 - ramp) * steady + ramp * passing + np.exp(2 * OUTLIER))
+    density = np.log((1.0 - ramp) * steady + ramp * passing + np.exp(2 * OUTLIER))
+    return density
 
 
 def _share_inside(place: Array, nearest: float, farthest: float, blur: Array) -> Array:
     """Density at `place` = log(|rho| / B) of a uniform band blurred by `blur`."""
     low, high = np.log(nearest), np.log(farthest)
     edge = np.inf if farthest == R_ENDLESS else high  # the cap is no upper edge
-    return (ndtr((place - low) / blur) - ndtr((place - edge) / blur)) / (high - low)
+    inside: Array = (ndtr((place - low) / blur) - ndtr((place - edge) / blur)) / (high - low)
+    return inside
 
 
 def _rest(moments: Moments, model: StateModel) -> Array:
@@ -191,11 +191,12 @@ def _rest(moments: Moments, model: StateModel) -> Array:
     sd = 0.1 * HEADING_CHANGE_MAX
     beyond = (moments.turned - HEADING_CHANGE_MAX) / sd
     is_large = model.correction.state == "turn_large"
-    size = np.maximum(log_ndtr(beyond if is_large else -beyond), 4 * OUTLIER)
+    size: Array = np.maximum(log_ndtr(beyond if is_large else -beyond), 4 * OUTLIER)
     if model.correction.state != "stop":
         return size
     turning = -0.5 * (np.maximum(moments.yaw_rate - WEAVE, 0.0) / 0.01) ** 2
-    return size + np.maximum(turning, 4 * OUTLIER) + np.where(moments.standing, -OUTLIER, 0.0)
+    size = size + np.maximum(turning, 4 * OUTLIER) + np.where(moments.standing, -OUTLIER, 0.0)
+    return size
 
 
 def increment_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Array:
