@@ -12,6 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from factors.weights import Robust
+
 Array = NDArray[np.float64]
 
 SIDE = np.array([-1.0, 1.0, -1.0, 1.0, -1.0, 1.0])  # -1 left, +1 right
@@ -61,6 +63,9 @@ class BodyMotion:
     centroid_b: Array  # (N, 3) m, mean of the six wheel centres seen from the body origin
     weight_roll: Array  # (N, 6) 0..1, trust in each wheel's rate
     weight_side: Array  # (N, 6) 0..1, trust in each wheel not sliding sideways
+    w_z_sd: Array  # (N,) rad/s
+    residual: Array  # (N, 6, 2) m/s, along and across each wheel
+    speed: Array  # (N,) m/s, median of the wheels
 
 
 @dataclass(frozen=True)
@@ -189,7 +194,7 @@ def body_motion(
     speed = _median_speed(v_i, missing)
     sd = np.stack([spread.roll * speed, spread.side * speed], axis=-1)[:, None] + spread.floor
     usable = np.repeat(~missing[..., None], 2, axis=-1)
-    solution, weight = _adjust(rows, seen, np.broadcast_to(sd, seen.shape), usable)
+    solution, weight, variance = _adjust(rows, seen, np.broadcast_to(sd, seen.shape), usable)
     w_roll = weight[..., 0]
     v_z = np.sum(w_roll * v_i[..., 2], axis=1) / np.maximum(np.sum(w_roll, axis=1), 1e-12)
     v_z[np.isnan(solution[:, 0])] = np.nan
@@ -199,7 +204,23 @@ def body_motion(
         centroid_b=centroid,
         weight_roll=w_roll,
         weight_side=weight[..., 1],
+        w_z_sd=np.sqrt(variance[:, 2]),
+        residual=seen - np.einsum("nwai,ni->nwa", rows, solution),
+        speed=speed,
     )
+
+
+def fitted_spread(motion: BodyMotion) -> Spread:
+    """The spread the wheels of this run show among themselves (MAD of the residuals).
+
+    The adjustment takes v_y out of six residuals along, v_x and w_z out of six across.
+    """
+    moving = motion.speed > 0.01
+    if np.count_nonzero(moving) < 100:
+        return Spread()
+    share = np.abs(motion.residual[moving]) / motion.speed[moving, None, None]
+    along, across = 1.4826 * np.nanmedian(share, axis=(0, 1)) * np.sqrt([6 / 5, 6 / 4])
+    return Spread(roll=float(np.clip(along, 0.005, 0.2)), side=float(np.clip(across, 0.003, 0.2)))
 
 
 def _median_speed(v_i: Array, missing: NDArray[np.bool_]) -> Array:
@@ -219,30 +240,27 @@ def _statements(arm: Array, joints: Joints, v_i: Array) -> tuple[Array, Array]:
     return rows, np.einsum("nwak,nwk->nwa", axes, v_i[..., :2])
 
 
-def _adjust(rows: Array, seen: Array, sd: Array, usable: NDArray[np.bool_]) -> tuple[Array, Array]:
-    """Iteratively reweighted least squares over the wheels; solution (N, 3), weights (N, 6, 2).
+def _adjust(
+    rows: Array, seen: Array, sd: Array, usable: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
+    """Iteratively reweighted least squares: solution (N, 3), weights (N, 6, 2), variance (N, 3).
 
     Rounds of (convex) Huber weights find the majority, then IGG-III rejects the rest; where no
     majority stands out, the Huber weights stay.
     """
     weight = usable.astype(float)
-    solution = np.zeros((len(rows), 3))
+    igg3 = Robust("igg3", 2.5, 6.0)
     for round_ in range(12):
         scaled = weight / sd**2
         normal = np.einsum("nwai,nwa,nwaj->nij", rows, scaled, rows)
         right = np.einsum("nwai,nwa,nwa->ni", rows, scaled, seen)
         trace = np.einsum("nii->n", normal)
         normal += (1e-13 * trace + (trace == 0))[:, None, None] * np.eye(3)
-        solution = np.linalg.solve(normal, right[..., None])[..., 0]
+        inverse = np.linalg.inv(normal)
+        solution = np.einsum("nij,nj->ni", inverse, right)
         u = np.abs((seen - np.einsum("nwai,ni->nwa", rows, solution)) / sd)
-        huber, igg = usable / np.maximum(u, 1.0), usable * _igg(u, 2.5, 6.0)
+        huber, igg = usable / np.maximum(u, 1.0), usable * igg3.weight(u)
         settled = np.count_nonzero(igg[..., 0], axis=1) >= MIN_WHEELS
         weight = np.where(settled[:, None, None] & (round_ >= 6), igg, huber)
     solution[np.count_nonzero(usable[..., 0], axis=1) < MIN_WHEELS] = np.nan
-    return solution, weight
-
-
-def _igg(u: Array, k0: float, k1: float) -> Array:
-    """IGG-III weight of |u|: 1 up to k0, falling to 0 at k1.  Source: D3."""
-    fall = np.clip((k1 - u) / (k1 - k0), 0.0, 1.0)
-    return np.asarray(np.where(u <= k0, 1.0, k0 / np.maximum(u, k0) * fall**2))
+    return solution, weight, np.einsum("nii->ni", inverse)

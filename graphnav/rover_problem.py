@@ -1,0 +1,323 @@
+"""The rover's graph: nodes at 1 Hz tied by the wheels, levelled by the accelerometer, no gyro needed.
+
+Where gyros are present the inertial factors join in and take the place of the quasi-static level.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from factors import so3
+from factors import wheel_velocity as wv
+from factors.block import Block
+from factors.calibration import Component, Layout
+from factors.calibration import prior as calibration_prior
+from factors.heading import heading
+from factors.inertial import Field, inertial
+from factors.preintegration import Increments, InertialNoise, preintegrate
+from factors.start import Start, start
+from factors.weights import Robust
+from graphnav import rover
+from graphnav.angles import rotation_of_angles
+from graphnav.densify import Path
+from graphnav.earth import G_STANDARD, Origin
+from graphnav.elimination import Chain, Covariances, covariances
+from graphnav.errors import InputError
+from graphnav.estimate import Estimate
+from graphnav.increments import increments
+from graphnav.nodes import Nodes, nearest_node, place_nodes
+from graphnav.run import Array, Run
+from graphnav.solve import Solution, gauss_newton
+from graphnav.vehicle import Vehicle
+
+Factor = Callable[[Estimate], list[Block]]
+
+K_BOUNDS = 0.7, 1.02  # slip coefficients beyond are held back (C6's clip, softened)
+K_SD, K_LENGTH = 0.06, 20.0  # how the ground's slip varies, and over how many metres
+BOUND_SD = 0.01
+TOE_SD, SIDE_SD, SIDE_LENGTH = 0.02, 0.02, 10.0  # rad/m; m/m; m
+YAW_LENGTH = 3.0  # m over which wheels keep slipping unlike each other
+STEP_FLOOR, STEP_SHARE = 0.001, 0.03  # m; of the way
+YAW_FLOOR, YAW_SHARE = 3e-4, 0.3  # rad; of the wheels' own yaw uncertainty
+TILT_FLOOR, TILT_SHARE = 1e-3, 0.5  # rad; rad per m
+UNHEARD_SPEED, UNHEARD_RATE = 0.2, 0.1  # m/s, rad/s: what may happen unheard
+SPEED_SD, SPEED_SHARE = 0.01, 0.1  # m/s; of the speed
+
+ROBUST = {
+    "heading": Robust("igg3", 2.5, 8.0),
+    "level": Robust("igg3", 2.5, 8.0),
+    "wheel_displacement": Robust("huber", 2.5),
+    "wheel_yaw": Robust("huber", 2.5),
+}
+CONVEX = {kind: Robust("huber", 2.0) for kind in ROBUST}
+
+
+@dataclass(frozen=True)
+class RoverProblem:
+    """All that is known before solving."""
+
+    run: Run
+    origin: Origin
+    wheels: rover.Wheels
+    sums: wv.WheelSums
+    nodes: Nodes
+    layout: Layout
+    wandering: tuple[wv.Wandering, ...]
+    start: Start
+    inc: Increments | None  # with gyros
+    noise: InertialNoise | None
+
+    @property
+    def chain(self) -> Chain:
+        """Elimination order for the solver."""
+        n = self.nodes
+        return Chain(len(n.time), len(n.segment_time), self.layout.dim, n.segment)
+
+
+@dataclass(frozen=True)
+class RoverSolution:
+    """The smoothed rover."""
+
+    problem: RoverProblem
+    solution: Solution
+    covariances: Covariances
+
+    @property
+    def estimate(self) -> Estimate:
+        """States of all nodes and calibrations."""
+        return self.solution.estimate
+
+
+def smooth_rover(run: Run, vehicle: Vehicle) -> RoverSolution:
+    """Solve a rover run, convex first, then with redescending weights."""
+    problem = prepare(run, vehicle)
+    estimate = first_guess(problem)
+    for robust in (CONVEX, ROBUST):
+        factors = build(problem, estimate)
+        solution = gauss_newton(
+            lambda x: [b for f in factors for b in f(x)],  # noqa: B023  called at once
+            estimate,
+            problem.chain,
+            robust,
+        )
+        estimate = solution.estimate
+    return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain))
+
+
+def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
+    """Wheels, nodes, calibration layout and start; InputError says what is missing."""
+    if run.rover is None:
+        raise InputError(f"{run.path}: a rover needs wheel_1 .. wheel_6 and steer_1 .. steer_6")
+    wheels = rover.wheels_of(run.rover, rover.linkage_of(vehicle.rover, str(run.path)))
+    inc = increments(run.imu) if run.imu is not None else None
+    nothing = np.zeros(0)
+    nodes = place_nodes(wheels.time if inc is None else inc.edge, nothing, nothing)
+    at = vehicle.start
+    if at.lat is None or at.lon is None:
+        raise InputError(f"{run.path}: no start: give [start] lat, lon, height in the vehicle file")
+    origin = Origin(np.deg2rad(at.lat), np.deg2rad(at.lon), at.height or 0.0)
+    spec = vehicle.imu
+    layout, wandering = calibrations(
+        spec.gyro_bias_deg_h if inc else None, spec.accel_bias_mg, wheels
+    )
+    noise = InertialNoise(
+        np.deg2rad(spec.gyro_noise_deg_sqrt_h) / 60,
+        spec.accel_noise_mg_sqrt_hz * 1e-3 * G_STANDARD,
+    )
+    sums = rover.sums_between(wheels, nodes.time)
+    known = _start(run, vehicle, wheels, nodes)
+    return RoverProblem(run, origin, wheels, sums, nodes, layout, wandering, known, inc, noise)
+
+
+def calibrations(
+    gyro_deg_h: float | None, accel_mg: float, wheels: rover.Wheels
+) -> tuple[Layout, tuple[wv.Wandering, ...]]:
+    """Biases of what is fitted, and the ground: slip, side slip, toe, yaw slip."""
+    gyro, accel = np.deg2rad(gyro_deg_h or 0.0) / 3600, accel_mg * 1e-3 * G_STANDARD
+    biases = [Component("accel_bias", np.zeros(3), np.full(3, accel), 0.003 * accel)]
+    if gyro_deg_h is not None:
+        biases.insert(0, Component("gyro_bias", np.zeros(3), np.full(3, gyro), 0.003 * gyro))
+    moving = wheels.motion.speed > 0.01
+    stray = wheels.motion.w_z_sd[moving] / wheels.motion.speed[moving]
+    yaw_sd = float(np.median(stray)) if moving.any() else 0.02
+    wandering = (
+        wv.Wandering(_one("slip_coefficient", rover.K_GUESS, K_SD), K_LENGTH),
+        wv.Wandering(_one("side_slip", 0.0, SIDE_SD), SIDE_LENGTH),
+        wv.Wandering(_one("yaw_slip", 0.0, yaw_sd), YAW_LENGTH),
+    )
+    toe = _one("toe", 0.0, TOE_SD)
+    return Layout((*biases, toe, *(w.component for w in wandering))), wandering
+
+
+def _one(name: str, prior: float, sd: float) -> Component:
+    return Component(name, np.array([prior]), np.array([sd]))
+
+
+def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes) -> Start:
+    """Stated heading, else the first the sensor sees carried back by the wheels."""
+    at = vehicle.start
+    if at.heading_deg is not None:
+        value, sd = np.deg2rad(at.heading_deg), np.deg2rad(at.heading_sd_deg)
+    elif run.heading is not None:
+        seen = run.heading
+        yaw = np.interp([nodes.time[0], seen.time[0]], wheels.time, wheels.yaw)
+        value, sd = seen.heading[0] + rover.K_GUESS * (yaw[1] - yaw[0]), np.deg2rad(90.0)
+    else:
+        raise InputError(
+            f"{run.path}: the heading at the start is unknown: give [start] heading_deg, "
+            "or a heading_deg column"
+        )
+    tilt = np.deg2rad(30.0)
+    sds = np.array([tilt, tilt, sd, 1.0, 1.0, 1.0, *[at.position_sd_m] * 3])
+    R = rotation_of_angles(np.float64(0.0), np.float64(0.0), np.float64(value))
+    return Start(R, np.zeros(3), np.zeros(3), sds)
+
+
+def first_guess(problem: RoverProblem) -> Estimate:
+    """Level from the accelerometer, heading from the sensor with the wheels between, dead reckoning."""
+    time, n = problem.nodes.time, len(problem.nodes.time)
+    wheels, sums = problem.wheels, problem.sums
+    yaw = rover.K_GUESS * np.concatenate([[0.0], np.cumsum(sums.yaw)])
+    start_R = problem.start.R_nb
+    known = float(np.arctan2(start_R[0, 1], start_R[1, 1]))
+    angle = np.full(n, known)
+    seen = problem.run.heading
+    if seen is not None:
+        carried = np.interp(seen.time, time, yaw)
+        angle = np.interp(time, seen.time, np.unwrap(seen.heading + carried))
+    roll, pitch = np.zeros(n), np.zeros(n)
+    source = problem.run.imu or problem.run.accelerometer
+    if source is not None:
+        f = rover.levelling(source, time).force_b
+        ok = np.isfinite(f[:, 0])
+        roll = np.interp(time, time[ok], np.arctan2(-f[ok, 0], f[ok, 2]))
+        pitch = np.interp(time, time[ok], np.arctan2(f[ok, 1], np.hypot(f[ok, 0], f[ok, 2])))
+    R = rotation_of_angles(roll, pitch, angle - yaw)
+    middle = R[:-1] @ so3.exp(0.5 * so3.log(so3.transpose(R[:-1]) @ R[1:]))
+    steps = so3.mv(middle, rover.K_GUESS * sums.displacement)
+    foot = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    swing = so3.mv(R, sums.centroid_b)
+    calibration = np.tile(problem.layout.prior, (len(problem.nodes.segment_time), 1))
+    velocity = so3.mv(R, rover.K_GUESS * rover.origin_velocity(wheels, time))
+    return Estimate(R, velocity, foot - (swing - swing[0]), np.zeros(n), calibration)
+
+
+def build(problem: RoverProblem, at: Estimate) -> list[Factor]:
+    """Every factor as a function of the estimate."""
+    factors = [_constraints(problem), _wheels(problem)]
+    factors.append(_level(problem) if problem.inc is None else _inertial(problem, at))
+    if problem.run.heading is not None:
+        factors.append(_heading(problem))
+    return factors
+
+
+def _constraints(problem: RoverProblem) -> Factor:
+    """Start, calibrations and what keeps them in place."""
+    nodes, layout = problem.nodes, problem.layout
+    path = np.interp(nodes.segment_time, problem.wheels.time, problem.wheels.path)
+    t = float(nodes.time[0])
+
+    def factor(x: Estimate) -> list[Block]:
+        c = x.calibration
+        return [
+            start(problem.start, x.R_nb[0], x.v_n[0], x.p_n[0], t),
+            calibration_prior(layout, c),
+            *wv.wander(layout, problem.wandering, c, path, nodes.segment_time),
+            wv.bounds(layout, "slip_coefficient", *K_BOUNDS, BOUND_SD, c, nodes.segment_time),
+            wv.unused_phase(x.phase, nodes.time),
+        ]
+
+    return factor
+
+
+def _wheels(problem: RoverProblem) -> Factor:
+    """Displacement, yaw and velocity from the running gear."""
+    nodes, layout, wheels, sums = problem.nodes, problem.layout, problem.wheels, problem.sums
+    seg, time = nodes.segment, nodes.time
+    T = np.diff(time)
+    unheard = (1 - rover.heard_share(wheels, time)).clip(0) * T
+    step = np.hypot(STEP_FLOOR + STEP_SHARE * sums.path, UNHEARD_SPEED * unheard)
+    yaw_sd = problem.layout.prior_sd[layout.column("yaw_slip")]
+    yaw = np.hypot(YAW_FLOOR + YAW_SHARE * yaw_sd * sums.path, UNHEARD_RATE * unheard)
+    u_b = rover.origin_velocity(wheels, time)
+    speed = SPEED_SD + SPEED_SHARE * np.linalg.norm(u_b, axis=1)
+    at_node = np.append(seg, seg[-1])
+
+    def factor(x: Estimate) -> list[Block]:
+        turn, c = wv.interval(x.R_nb), x.calibration
+        return [
+            wv.wheel_displacement(
+                sums, turn, x.R_nb, x.p_n, c, layout, seg, np.repeat(step[:, None], 3, 1), time
+            ),
+            wv.wheel_yaw(sums, turn, c, layout, seg, yaw, time),
+            wv.wheel_speed(u_b, x.R_nb, x.v_n, c, layout, at_node, speed, time),
+        ]
+
+    return factor
+
+
+def _level(problem: RoverProblem) -> Factor:
+    """Gyro-free attitude: quasi-static level and a ground whose slope changes little."""
+    nodes, layout = problem.nodes, problem.layout
+    sigma = TILT_FLOOR + TILT_SHARE * problem.sums.path
+    source = problem.run.accelerometer
+    at_node = np.append(nodes.segment, nodes.segment[-1])
+    g_n = problem.origin.gravity(np.zeros(3))
+    means = None if source is None else rover.levelling(source, nodes.time)
+    on = (
+        np.zeros(0, np.int64) if means is None else np.flatnonzero(np.isfinite(means.force_b[:, 0]))
+    )
+
+    def factor(x: Estimate) -> list[Block]:
+        blocks = [wv.tilt(wv.interval(x.R_nb), sigma, nodes.time)]
+        if means is not None:
+            f, s, c = means.force_b[on], means.sigma[on], x.calibration
+            t = nodes.time[on]
+            blocks.append(wv.level(f, on, x.R_nb, g_n, c, layout, at_node[on], s, t))
+        return blocks
+
+    return factor
+
+
+def _inertial(problem: RoverProblem, at: Estimate) -> Factor:
+    """With gyros: inertial factors as for any vehicle."""
+    assert problem.inc is not None and problem.noise is not None
+    nodes, origin = problem.nodes, problem.origin
+    pre = preintegrate(problem.inc, nodes.edge, at.calibration[nodes.segment, :6], problem.noise)
+
+    def factor(x: Estimate) -> list[Block]:
+        g = origin.gravity(0.5 * (x.p_n[:-1] + x.p_n[1:]))
+        field = Field(origin.Omega_n, g, origin.gravity_gradient)
+        bias = x.calibration[nodes.segment, :6]
+        args = (pre, x.R_nb, x.v_n, x.p_n, bias, field, nodes.time, nodes.segment)
+        return [inertial(*args, problem.layout.dim)]
+
+    return factor
+
+
+def _heading(problem: RoverProblem) -> Factor:
+    """The sun sensor, carried to the nearest node by the wheels' yaw."""
+    seen = problem.run.heading
+    assert seen is not None
+    wheels, nodes = problem.wheels, problem.nodes
+    node, _ = nearest_node(nodes, seen.time)
+    turned = np.interp(seen.time, wheels.time, wheels.yaw) - np.interp(
+        nodes.time[node], wheels.time, wheels.yaw
+    )
+    value = seen.heading + rover.K_GUESS * turned
+    sigma = np.full(len(value), rover.heading_sd(seen, wheels))
+    return lambda x: [heading(value, sigma, node, x.R_nb, seen.time)]
+
+
+def dense_path(solution: RoverSolution, time: Array) -> Path:
+    """The trajectory at any times between the nodes: cubic in position, constant rate in attitude."""
+    x, node_time = solution.estimate, solution.problem.nodes.time
+    i = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, len(node_time) - 2)
+    T = np.diff(node_time)[i][:, None]
+    s = (time - node_time[i])[:, None] / T
+    turn = so3.log(so3.transpose(x.R_nb[i]) @ x.R_nb[i + 1])
+    p0, p1, v0, v1 = x.p_n[i], x.p_n[i + 1], x.v_n[i] * T, x.v_n[i + 1] * T
+    p = p0 + s * v0 + s**2 * (3 * (p1 - p0) - 2 * v0 - v1) + s**3 * (2 * (p0 - p1) + v0 + v1)
+    v = v0 + 2 * s * (3 * (p1 - p0) - 2 * v0 - v1) + 3 * s**2 * (2 * (p0 - p1) + v0 + v1)
+    return Path(time, x.R_nb[i] @ so3.exp(s * turn), v / T, p)
