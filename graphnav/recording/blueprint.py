@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from graphnav import palette
 from graphnav.recording import curves
 from graphnav.recording.entry import TIMELINE, Entry
 from graphnav.recording.map import zoom
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 GLOBAL_VIEW = "view/5c0dca6a-e63f-9cf7-f657-2602590474cc"
 
 WINDOW = 800.0  # pixels: height the rows are shared for
+STACKED = 4  # plots one above the other; more go in two columns
 
 
 def layout(results: Results, entries: list[Entry]) -> "rrb.Blueprint":
@@ -110,7 +112,17 @@ def children(parent: str, logged: Iterable[str]) -> list[str]:
     """Direct children of an entity, in the order that reads best, unknown ones last by name."""
     depth = parent.count("/") + 2
     found = {"/".join(e.split("/")[:depth]) for e in logged if e.startswith(parent + "/")}
-    known = ["forward", "lateral", "vertical", "east", "north", "up", *"xyz", *curves.TITLE]
+    known = [
+        "forward",
+        "lateral",
+        "vertical",
+        "east",
+        "north",
+        "up",
+        *"xyz",
+        *palette.MOTION,
+        *curves.TITLE,
+    ]
     rank = {name: k for k, name in enumerate(known)}
     return sorted(found, key=lambda e: (rank.get(e.rsplit("/")[-1], len(rank)), e))
 
@@ -142,8 +154,9 @@ def _stacks(name: str, parent: str, entries: list[Entry], logged: set[str]) -> l
 
     ranges = {e.entity: e.y_range for e in entries if e.y_range}
     found = children(parent, logged)
-    plots = [_plot(e, e.rsplit("/")[-1].replace("_", " "), ranges[e]) for e in found]
-    return [rrb.Vertical(*plots, name=name)] if plots else []
+    plots = [_plot(e, curves.label(e.rsplit("/")[-1]), ranges[e]) for e in found]
+    columns = 1 if len(plots) <= STACKED else 2
+    return [rrb.Grid(*plots, name=name, grid_columns=columns)] if plots else []
 
 
 def _calibration(entries: list[Entry], logged: set[str]) -> list[Any]:

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 from graphnav import palette
 from graphnav.recording.entry import Entry, part
 from graphnav.recording.scalars import band
-from graphnav.results import Curve, Results, columns
+from graphnav.results import Curve, Results
 
 Array = NDArray[np.float64]
 
@@ -30,20 +30,14 @@ def title(name: str) -> str:
     return TITLE.get(name, name.replace("_", " ").capitalize())
 
 
-def by_state(curve: Curve) -> bool:
-    """Whether the components are motion states rather than axes."""
-    return any(component in palette.MOTION for component in curve.components)
+def label(component: str) -> str:
+    """A component in words: an axis, or a motion state."""
+    return palette.motion_label(component) if component in palette.MOTION else component
 
 
 def entries(results: Results) -> list[Entry]:
     """Everything below `/calibration`."""
-    out: list[Entry] = []
-    for curve in results.calibration.values():
-        if by_state(curve):
-            out += _in_force(results, curve)
-        else:
-            out += _components(results, curve)
-    return out
+    return [e for curve in results.calibration.values() for e in _components(results, curve)]
 
 
 def _components(results: Results, curve: Curve) -> list[Entry]:
@@ -51,29 +45,14 @@ def _components(results: Results, curve: Curve) -> list[Entry]:
     ends = results.time[[0, -1]]
     time = np.unique(ends if curve.constant else np.concatenate([ends, curve.time]))
     value, sd = curve.at(time)
+    unit = "" if curve.unit in ("1", "") else f" [{curve.unit}]"
     for k, component in enumerate(curve.components):
-        unit = "" if curve.unit in ("1", "") else f" [{curve.unit}]"
-        name = f"{component}{unit}, ±3σ" + ("" if curve.observable[k] else " (not observable)")
+        name = f"{label(component)}{unit}, ±3σ"
+        if curve.constant:
+            name = f"{label(component)} {value[0, k]:.4g} ± {3 * sd[0, k]:.2g}{unit}"
+        name += "" if curve.observable[k] else " (not observable)"
         entity = f"/calibration/{part(curve.name)}/{part(component)}"
-        colour = palette.AXES[k % 3]
-        known = time - results.clock_start
-        out += band(entity, known, value[:, k], sd[:, k], name, colour)
+        colour = palette.MOTION.get(component, palette.AXES[k % 3])
+        at = time - results.clock_start
+        out += band(entity, at, value[:, k], sd[:, k], name, colour)
     return out
-
-
-def _in_force(results: Results, curve: Curve) -> list[Entry]:
-    """One series: the factor of the state the vehicle is in, stepping with the states."""
-    states = results.states[results.states["state"].isin(curve.components)]
-    if states.empty:
-        return []
-    start, end = columns(states, "start", "end").T
-    # first, last and, to break the line before the next state, nothing
-    time = np.stack([start, np.maximum(start, end - 2e-3), end - 1e-3], -1).reshape(-1)
-    which = np.repeat([curve.components.index(s) for s in states["state"]], 3)
-    rows = np.arange(len(time))
-    value, sd = (both[rows, which] for both in curve.at(time))
-    value[2::3] = np.nan
-    name = "factor of the present state, ±3σ"
-    entity = f"/calibration/{part(curve.name)}/in_force"
-    at = time - results.clock_start
-    return band(entity, at, value, sd, name, palette.ODOMETER)

@@ -1,4 +1,4 @@
-"""Plotted series: velocity against the odometer, errors against truth, residuals, robust weights."""
+"""Plotted series: velocity against the odometer, errors against truth, residuals, weights."""
 
 from dataclasses import replace
 from typing import TYPE_CHECKING, Literal
@@ -105,7 +105,7 @@ def _range(value: Array, sd: Array) -> tuple[float, float]:
     value, sd = value[np.isfinite(value)], np.nan_to_num(sd)
     if not len(value):
         return -1.0, 1.0
-    usual = min(3.3 * float(sd.max()), 10.0 * float(np.median(sd)) + float(np.ptp(value)))
+    usual = min(4.0 * float(sd.max()), 10.0 * float(np.median(sd)) + float(np.ptp(value)))
     low, high = float(value.min()) - usual, float(value.max()) + usual
     return (low, high) if high > low else (low - 1.0, high + 1.0)
 
