@@ -1,0 +1,71 @@
+"""IMU grades: one table of noise, bias and bias wander, in the units of `vehicle.toml`.
+
+`navigation`, `fog` and `mems` are the sensors of methods B, A and D as the sample runs show them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from graphnav.simulation.ellipsoid import G_STANDARD, Array
+
+DEG_H = np.pi / 180 / 3600  # rad/s
+DEG_SQRT_H = np.pi / 180 / 60  # rad/sqrt(s)
+MG = 1e-3 * G_STANDARD  # m/s^2
+
+
+@dataclass(frozen=True)
+class Grade:
+    """One sigma of each error; the wander is a random walk after one hour."""
+
+    gyro_bias_deg_h: float
+    gyro_noise_deg_sqrt_h: float
+    gyro_wander_deg_h: float
+    accel_bias_mg: float
+    accel_noise_mg_sqrt_hz: float
+    accel_wander_mg: float
+
+
+GRADES = {
+    #                  bias   noise   wander | bias noise  wander
+    "navigation": Grade(0.002, 0.0005, 0.0004, 0.02, 0.005, 0.002),  # ring laser
+    "fog":        Grade(0.02,  0.002,  0.004,  0.1,  0.01,  0.01),
+    "tactical":   Grade(2.0,   0.1,    0.4,    1.0,  0.05,  0.1),
+    "mems":       Grade(8.0,   0.09,   1.6,    1.0,  0.08,  0.1),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Disturbed:
+    """Samples as the sensor gives them, and the biases it had."""
+
+    gyro: Array  # (N, 3) rad/s
+    accel: Array  # (N, 3) m/s^2
+    gyro_bias: Array  # (N, 3) rad/s
+    accel_bias: Array  # (N, 3) m/s^2
+
+
+def disturb(
+    rng: np.random.Generator, grade: Grade, gyro: Array, accel: Array, dt: float
+) -> Disturbed:
+    """True means (N, 3) with constant bias, slow random walk and white noise added."""
+    gyro_bias = _bias(
+        rng, gyro.shape, grade.gyro_bias_deg_h * DEG_H, grade.gyro_wander_deg_h * DEG_H, dt
+    )
+    accel_bias = _bias(rng, accel.shape, grade.accel_bias_mg * MG, grade.accel_wander_mg * MG, dt)
+    gyro_sd = grade.gyro_noise_deg_sqrt_h * DEG_SQRT_H / np.sqrt(dt)
+    accel_sd = grade.accel_noise_mg_sqrt_hz * MG / np.sqrt(dt)
+    return Disturbed(
+        gyro + gyro_bias + gyro_sd * rng.standard_normal(gyro.shape),
+        accel + accel_bias + accel_sd * rng.standard_normal(accel.shape),
+        gyro_bias,
+        accel_bias,
+    )
+
+
+def _bias(
+    rng: np.random.Generator, shape: tuple[int, ...], sigma: float, wander: float, dt: float
+) -> Array:
+    step = wander * np.sqrt(dt / 3600)
+    walk = step * np.cumsum(rng.standard_normal(shape), axis=0)
+    return np.asarray(sigma * rng.standard_normal(3) + walk)
