@@ -25,6 +25,7 @@ class Wheels:
     """The wheels' motion on the gear's clock, and its running integrals at k_s = 1."""
 
     time: Array  # (N,) s
+    wheels_b: Array  # (N, 6, 3) m, wheel centres in b
     motion: rb.BodyMotion
     spread: rb.Spread
     yaw: Array  # (N,) rad, integral of w_z
@@ -65,10 +66,12 @@ def wheels_of(gear: RoverGear, linkage: rb.Linkage) -> Wheels:
     for _ in range(3):
         motion = rb.body_motion(linkage, gear.wheel, joints, rates, spread)
         spread = rb.fitted_spread(motion)
-    return _integrated(gear.time, motion, spread)
+    return _integrated(gear.time, rb.wheel_positions(linkage, joints), motion, spread)
 
 
-def _integrated(time: Array, motion: rb.BodyMotion, spread: rb.Spread) -> Wheels:
+def _integrated(
+    time: Array, wheels_b: Array, motion: rb.BodyMotion, spread: rb.Spread
+) -> Wheels:
     known = np.isfinite(motion.w_z)
     if np.count_nonzero(known) < 2:
         raise InputError(
@@ -81,6 +84,7 @@ def _integrated(time: Array, motion: rb.BodyMotion, spread: rb.Spread) -> Wheels
     heard = known & (dt < GAP_S)
     return Wheels(
         time=time,
+        wheels_b=wheels_b,
         motion=motion,
         spread=spread,
         yaw=yaw,

@@ -18,7 +18,7 @@ from factors.inertial import Field, inertial
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
 from factors.weights import Robust
-from graphnav import rover
+from graphnav import rover, rover_terrain
 from graphnav.angles import rotation_of_angles
 from graphnav.densify import Path
 from graphnav.earth import G_STANDARD, Origin
@@ -49,6 +49,7 @@ ROBUST = {
     "level": Robust("igg3", 2.5, 8.0),
     "wheel_displacement": Robust("huber", 2.5),
     "wheel_yaw": Robust("huber", 2.5),
+    "terrain_slip": Robust("igg3", 2.5, 8.0),
 }
 CONVEX = {kind: Robust("huber", 2.0) for kind in ROBUST}
 
@@ -93,8 +94,9 @@ def smooth_rover(run: Run, vehicle: Vehicle) -> RoverSolution:
     """Solve a rover run, convex first, then with redescending weights."""
     problem = prepare(run, vehicle)
     estimate = first_guess(problem)
-    for robust in (CONVEX, ROBUST):
-        factors = build(problem, estimate)
+    found: list[rover_terrain.Track] = []
+    for robust in (CONVEX, CONVEX, ROBUST):
+        factors = build(problem, estimate, found)
         solution = gauss_newton(
             lambda x: [b for f in factors for b in f(x)],  # noqa: B023  called at once
             estimate,
@@ -102,6 +104,9 @@ def smooth_rover(run: Run, vehicle: Vehicle) -> RoverSolution:
             robust,
         )
         estimate = solution.estimate
+        path = dense_path(problem, estimate, problem.wheels.time)
+        k = estimate.calibration[:, problem.layout.column("slip_coefficient")]
+        found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
     return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain))
 
 
@@ -203,12 +208,16 @@ def first_guess(problem: RoverProblem) -> Estimate:
     return Estimate(R, velocity, foot - (swing - swing[0]), np.zeros(n), calibration)
 
 
-def build(problem: RoverProblem, at: Estimate) -> list[Factor]:
+def build(
+    problem: RoverProblem, at: Estimate, found: list[rover_terrain.Track]
+) -> list[Factor]:
     """Every factor as a function of the estimate."""
     factors = [_constraints(problem), _wheels(problem)]
     factors.append(_level(problem) if problem.inc is None else _inertial(problem, at))
     if problem.run.heading is not None:
         factors.append(_heading(problem))
+    layout = problem.layout
+    factors.append(lambda x: rover_terrain.blocks(found, x.calibration, layout))
     return factors
 
 
@@ -310,9 +319,9 @@ def _heading(problem: RoverProblem) -> Factor:
     return lambda x: [heading(value, sigma, node, x.R_nb, seen.time)]
 
 
-def dense_path(solution: RoverSolution, time: Array) -> Path:
+def dense_path(problem: RoverProblem, x: Estimate, time: Array) -> Path:
     """The trajectory at any times between the nodes: cubic in position, constant rate in attitude."""
-    x, node_time = solution.estimate, solution.problem.nodes.time
+    node_time = problem.nodes.time
     i = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, len(node_time) - 2)
     T = np.diff(node_time)[i][:, None]
     s = (time - node_time[i])[:, None] / T

@@ -1,0 +1,102 @@
+"""The ground's profile under each side's wheels, as the linkage and the attitude feel it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from factors import rocker_bogie as rb
+from factors import so3
+from factors.block import Block, Index
+from factors.calibration import Layout
+from factors.terrain_slip import Profile, mismatch, terrain_slip
+from graphnav.densify import Path
+from graphnav.nodes import Nodes
+from graphnav.rover import Wheels
+from graphnav.run import Array
+
+STEP = 0.05  # m, grid of the profiles
+EVERY = 2  # of the grid, ways at which the mismatch is looked at
+COHERENT = 0.6  # a mismatch above this share of the signal: the wheels do not share a profile
+LIKE_NOISE = 2.0  # neighbouring mismatches share their noise: their sigma is raised by this
+LEAST = 1e-4  # m
+
+
+@dataclass(frozen=True)
+class Track:
+    """One side's profile and where along it the mismatch counts."""
+
+    side: str
+    profile: Profile
+    at: Array  # (n,) m, ways at k = 1
+    time: Array  # (n,) s
+    segment: Index  # (n,)
+    offset: Array  # (n,) m, how far the middle wheel runs beside the others' rut (turns)
+    sigma: Array  # (n,) m
+
+
+def tracks(wheels: Wheels, nodes: Nodes, path: Path, k: Array) -> list[Track]:
+    """Both sides' profiles, attitude from `path` on the gear's clock; sides that are not coherent
+    at the slip coefficients `k` (segments,) are left out."""
+    p_n = so3.mv(path.R_nb[:, None], wheels.wheels_b)
+    found = (_track(wheels, nodes, p_n[..., 2], side, k) for side in (0, 1))
+    return [t for t in found if t is not None]
+
+
+def _track(wheels: Wheels, nodes: Nodes, up: Array, side: int, k: Array) -> Track | None:
+    """Side 0 left, 1 right; `up` (N, 6) m heights of the wheels over the body origin."""
+    time, motion = wheels.time, wheels.motion
+    p = wheels.wheels_b[:, side::2].mean(axis=0)
+    speed = np.nan_to_num(motion.v_b[:, 1] + motion.w_z * p[:, 0].mean())
+    dt = np.diff(time, prepend=time[0])
+    way, back = np.cumsum(np.maximum(speed, 0) * dt), np.cumsum(np.maximum(-speed, 0) * dt)
+    if way[-1] < 10.0:
+        return None
+    grid = np.arange(0.0, way[-1], STEP)
+    increasing = way + 1e-9 * np.arange(len(way))
+    front, middle, rear = (_gridded(grid, increasing, up[:, side + 2 * i]) for i in range(3))
+    L_1, L_2 = float(p[0, 1] - p[1, 1]), float(p[1, 1] - p[2, 1])
+    profile = Profile(STEP, front - middle, middle - rear, L_1, L_2)
+    margin = profile.reach / k.min() + STEP
+    at = grid[(grid > margin) & (grid < grid[-1] - margin)][::EVERY]
+
+    def over_window(value: Array) -> Array:
+        return np.interp(at + margin, increasing, value) - np.interp(at - margin, increasing, value)
+
+    at_time = np.interp(at, increasing, time)
+    forward = np.abs(over_window(back)) < 0.02
+    curvature = np.abs(over_window(wheels.yaw)) / (2 * margin)
+    keep = forward & (curvature < 1.0)
+    at, at_time, offset = at[keep], at_time[keep], (0.5 * curvature * profile.reach**2)[keep]
+    interval = np.clip(np.searchsorted(nodes.time, at_time) - 1, 0, len(nodes.segment) - 1)
+    segment = nodes.segment[interval]
+    return _weighed(Track("left right".split()[side], profile, at, at_time, segment, offset, at), k)
+
+
+def _gridded(grid: Array, way: Array, height: Array) -> Array:
+    """Height averaged over each grid step (standing still counts once)."""
+    edges = np.append(grid - 0.5 * STEP, grid[-1] + 0.5 * STEP)
+    fine = np.interp(np.linspace(edges[0], edges[-1], 5 * len(grid) + 1), way, height)
+    return np.asarray(fine[:-1].reshape(len(grid), 5).mean(axis=1))
+
+
+def _weighed(track: Track, k: Array) -> Track | None:
+    """Sigma from the mismatch itself, larger beside the rut; None where nothing coheres."""
+    if len(track.at) < 50:
+        return None
+    r, _ = mismatch(track.profile, track.at, k[track.segment])
+    straight = track.offset <= np.quantile(track.offset, 0.5)
+    noise = 1.4826 * float(np.median(np.abs(r[straight])))
+    signal = float(np.std(track.profile.front) + np.std(track.profile.rear)) / np.sqrt(2)
+    if noise > COHERENT * signal or signal < 5 * LEAST:
+        return None
+    slope = 2 * signal / max(track.profile.L_1, track.profile.L_2)
+    sigma = LIKE_NOISE * np.hypot(max(noise, LEAST), slope * track.offset)
+    return Track(**{**track.__dict__, "sigma": sigma})
+
+
+def blocks(found: list[Track], calibration: Array, layout: Layout) -> list[Block]:
+    """The tracks' factors at an estimate."""
+    return [
+        terrain_slip(t.profile, t.at, calibration, layout, t.segment, t.sigma, t.time, t.side)
+        for t in found
+    ]
