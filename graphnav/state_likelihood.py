@@ -133,7 +133,7 @@ def _speed(moments: Moments, model: StateModel) -> Array:
             np.full_like(spread, 0.05),
             4 * OUTLIER,
         )
-    sd = np.hypot(moments.sd_speed, spread)
+    sd = np.hypot(moments.sd_speed, np.nan_to_num(spread))
     error = moments.speed - predicted
     known = np.isfinite(error)
     match = np.logaddexp(_gaussian(np.where(known, error, 0.0), sd), floor - np.log(sd))

@@ -38,7 +38,7 @@ def most_probable(chain: Chain) -> NDArray[np.intp]:
         came_from[t] = options.argmax(axis=0)
         enter, stay = options[came_from[t], every], score[:, last] + chain.stay
         started = fresh[:, last].copy()
-        score[:, 1:], fresh[:, 1:] = score[:, :last].copy(), fresh[:, :last].copy()
+        score[:, 1:], fresh[:, 1:] = score[:, :last], fresh[:, :last]  # numpy minds the overlap
         score[:, 0], fresh[:, 0] = enter, t
         longer = stay >= score[:, last]
         score[:, last] = np.where(longer, stay, score[:, last])
@@ -70,25 +70,21 @@ def posterior(chain: Chain) -> Array:
     """Probability of each state at each step given all data, (T, S). Forward-backward."""
     steps, states = chain.likelihood.shape
     last = chain.dwell - 1
-    evidence = np.exp(chain.likelihood - chain.likelihood.max(axis=1, keepdims=True))
+    evidence = np.exp(chain.likelihood - chain.likelihood.max(axis=1, keepdims=True))[:, :, None]
     change, stay = np.exp(chain.change), np.exp(chain.stay)
-    forward = np.zeros((steps, states, chain.dwell))
-    cells = np.zeros((states, chain.dwell))
-    cells[:, last] = np.exp(chain.initial) * evidence[0]
-    forward[0] = cells
+    past = np.zeros((steps, states, chain.dwell))
+    past[0, :, last] = np.exp(chain.initial) * evidence[0, :, 0]
     for t in range(1, steps):
-        held = cells[:, last]
-        cells = np.concatenate([(held @ change[t])[:, None], cells[:, :last]], axis=1)
-        cells[:, last] += held * stay
-        cells *= (evidence[t] / cells.sum())[:, None]
-        forward[t] = cells
-    ahead = np.ones((states, chain.dwell))
-    result = np.empty((steps, states))
-    for t in range(steps - 1, -1, -1):
-        joint = (forward[t] * ahead).sum(axis=1)
-        result[t] = joint / joint.sum()
-        seen = ahead * evidence[t][:, None]
-        leave = change[t] @ seen[:, 0] + stay * seen[:, last]
-        ahead = np.concatenate([seen[:, 1:], leave[:, None]], axis=1)
-        ahead /= ahead.max()
-    return result
+        here, held = past[t], past[t - 1, :, last]
+        here[:, 1:] = past[t - 1, :, :last]
+        here[:, 0] = held @ change[t]
+        here[:, last] += held * stay
+        here *= evidence[t] / np.add.reduce(here, axis=None)
+    future = np.ones((steps, states, chain.dwell))
+    for t in range(steps - 1, 0, -1):
+        here, seen = future[t - 1], future[t] * evidence[t]
+        here[:, :last] = seen[:, 1:]
+        here[:, last] = change[t] @ seen[:, 0] + stay * seen[:, last]
+        here /= np.add.reduce(here, axis=None)
+    joint: Array = np.einsum("tsd,tsd->ts", past, future)
+    return joint / joint.sum(axis=1, keepdims=True)
