@@ -87,4 +87,5 @@ def posterior(chain: Chain) -> Array:
         here[:, last] = change[t] @ seen[:, 0] + stay * seen[:, last]
         here /= np.add.reduce(here, axis=None)
     joint: Array = np.einsum("tsd,tsd->ts", past, future)
-    return joint / joint.sum(axis=1, keepdims=True)
+    joint /= joint.sum(axis=1, keepdims=True)
+    return joint
