@@ -43,6 +43,12 @@ class Block:
         terms = tuple(replace(t, jacobian=t.jacobian * root[:, :, None]) for t in self.terms)
         return replace(self, residual=self.residual * root, terms=terms)
 
+    def change(self, nodes: Array, segments: Array) -> Array:
+        """First-order change of the residual under error states (N, 10) and (K, dim), (n, r)."""
+        delta = {"x": nodes, "c": segments}
+        moved = [np.einsum("nrd,nd->nr", t.jacobian, delta[t.family][t.index]) for t in self.terms]
+        return np.asarray(sum(moved))
+
     def jacobian_factors(self) -> Iterator[gtsam.JacobianFactor]:
         """One `gtsam.JacobianFactor` per occurrence, A d = -residual."""
         unit = gtsam.noiseModel.Unit.Create(self.residual.shape[1])

@@ -39,6 +39,13 @@ class OdometerSums:
     turn: Array  # of dpsi_k [rad]
     turn_abs: Array  # of |dpsi_k| sign(d_k) [rad]
     R_mid: Array  # (n, 3, 3) mean rotation since node i, orthonormal
+    delay: float  # s, delay and
+    bias: Array  # (n, 3) rad/s, gyro bias the sums were made with
+
+    def of(self, on: Index) -> "OdometerSums":
+        """The sums of some intervals."""
+        arrays = {k: v[on] for k, v in self.__dict__.items() if k != "delay"}
+        return OdometerSums(**arrays, delay=self.delay)
 
 
 @dataclass(frozen=True)
@@ -105,11 +112,16 @@ def displacement(
     forward = _calibrated(c, correction.forward_column, correction.forward)
     lateral = _calibrated(c, correction.lateral_column, correction.lateral)
     gain = forward * (1 + c[:, columns.scale])
-    travel = so3.mv(sums.distance, ey)
+    distance = sums.distance
+    if columns.delay >= 0:
+        late = c[:, columns.delay] - sums.delay
+        distance = distance + late[:, None, None] * sums.distance_rate
+    travel = so3.mv(distance, ey)
+    swerve = gain[:, None] * so3.mv(sums.distance_late, ey)
     turned = so3.mv(sums.turn, ex)
     # vectors in the frame of node i, turned into the vehicle frame at mid-interval at the end
     D = gain[:, None] * travel - correction.gauge[:, None] * so3.mv(sums.turn_abs, ey)
-    D = D - lateral[:, None] * turned
+    D = D - lateral[:, None] * turned + np.cross(swerve, c[:, 0:3] - sums.bias)
     R_i, R_j = R[node], R[node + 1]
     R_ij = so3.transpose(R_i) @ R_j
     moved = so3.mtv(R_i, p[node + 1] - p[node])
@@ -128,12 +140,11 @@ def displacement(
     def in_m(x: Array) -> Array:
         return so3.mv(to_m, x)
 
-    late = so3.mv(sums.distance_late, ey)
-    J_c[:, :, 0:3] = -to_m @ so3.skew(gain[:, None] * late)
+    J_c[:, :, 0:3] = -to_m @ so3.skew(swerve)
     J_c[:, :, columns.scale] = -in_m(forward[:, None] * travel)
     if columns.delay >= 0:
         J_c[:, :, columns.delay] = -in_m(gain[:, None] * so3.mv(sums.distance_rate, ey))
-    tilt = gain[:, None, None] * sums.distance @ mount.R_bm @ so3.skew(E_Y)
+    tilt = gain[:, None, None] * distance @ mount.R_bm @ so3.skew(E_Y)
     tilt = tilt - correction.gauge[:, None, None] * sums.turn_abs @ mount.R_bm @ so3.skew(E_Y)
     tilt = tilt - lateral[:, None, None] * sums.turn @ mount.R_bm @ so3.skew(E_X)
     # D turns with R_bm, and so do the axes the residual is told in

@@ -72,7 +72,8 @@ def inertial(
     T = pre.T[:, None]
     Omega = field.Omega_n
     db = bias - pre.bias
-    dR = pre.dR @ so3.exp(so3.mv(pre.dR_dbg, db[:, :3]))
+    turned = so3.mv(pre.dR_dbg, db[:, :3])
+    dR = pre.dR @ so3.exp(turned)
     dv = pre.dv + so3.mv(pre.dv_dbg, db[:, :3]) + so3.mv(pre.dv_dba, db[:, 3:])
     dp = pre.dp + so3.mv(pre.dp_dbg, db[:, :3]) + so3.mv(pre.dp_dba, db[:, 3:])
     w = so3.mv(Rit, np.broadcast_to(Omega, (n, 3)))
@@ -86,16 +87,16 @@ def inertial(
     )
     y_v, y_p = T * dv - dp, dp * T / 3
     residual = np.concatenate(
-        [so3.mv(dR, angle), q_v + np.cross(w, y_v) - dv, q_p + np.cross(w, y_p) - dp], axis=1
+        [so3.mv(pre.dR, angle), q_v + np.cross(w, y_v) - dv, q_p + np.cross(w, y_p) - dp], axis=1
     )
 
     Ji, Jj = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))
     Jc = np.zeros((n, 9, n_calibration))
-    out = dR @ so3.right_jacobian_inverse(angle)
+    out = pre.dR @ so3.right_jacobian_inverse(angle)
     th, ve, po = slice(0, 3), slice(3, 6), slice(6, 9)
     Ji[:, th, ROTATION] = -out @ so3.transpose(E) @ so3.transpose(dR)
     Jj[:, th, ROTATION] = out
-    Jc[:, th, 0:3] = -out @ so3.transpose(E) @ pre.dR_dbg
+    Jc[:, th, 0:3] = -out @ so3.transpose(E) @ so3.right_jacobian(turned) @ pre.dR_dbg
     W = so3.skew(w)
     Ji[:, ve, ROTATION] = so3.skew(q_v) - so3.skew(y_v) @ W
     Ji[:, po, ROTATION] = so3.skew(q_p) - so3.skew(y_p) @ W

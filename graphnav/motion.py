@@ -86,7 +86,7 @@ def _displacements(
         lateral_column=np.array([layout.column(f"lateral:{s}") for s in names], np.int64),
         sigma=rate_sigma * np.sqrt(np.diff(nodes.time)[on])[:, None],
     )
-    picked = OdometerSums(*(getattr(sums, f)[on] for f in sums.__dataclass_fields__))
+    picked = sums.of(on)
     seg, time = nodes.segment[on], nodes.time[on + 1]
     return lambda x: [
         displacement(

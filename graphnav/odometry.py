@@ -31,6 +31,7 @@ class OdometerSteps:
     distance: Array  # (M,) m
     rate: Array  # (M,) m/s, change of the distance per second of delay
     yaw: Array  # (M,) rad, Earth rate and bias removed
+    delay: float  # s, taken off the odometer's stamps
 
 
 def odometer_steps(
@@ -43,7 +44,8 @@ def odometer_steps(
     distance = np.diff(distance_at(odometer, inc.edge + delay))
     rate = np.diff(speed_at(odometer, inc.edge + delay))
     dt = np.diff(inc.edge)
-    return OdometerSteps(distance, rate, inc.rotation[:, 2] - (gyro_bias_z + earth_z) * dt)
+    yaw = inc.rotation[:, 2] - (gyro_bias_z + earth_z) * dt
+    return OdometerSteps(distance, rate, yaw, delay)
 
 
 def odometer_sums(
@@ -54,7 +56,8 @@ def odometer_sums(
     owner = interval_of_increment(nodes)
     start = inc.edge[first][owner]
     mid = 0.5 * (inc.edge[1:] + inc.edge[:-1]) - start
-    C = pre.C[:-1] @ so3.exp(0.5 * inc.rotation)
+    dt = np.diff(inc.edge)[:, None]
+    C = pre.C[:-1] @ so3.exp(0.5 * (inc.rotation - pre.bias[owner, :3] * dt))
 
     def total(weight: Array) -> Array:
         return np.add.reduceat(C * weight[:, None, None], first, axis=0)
@@ -68,4 +71,6 @@ def odometer_sums(
         turn=total(steps.yaw),
         turn_abs=total(np.abs(steps.yaw) * np.sign(steps.distance)),
         R_mid=half,
+        delay=steps.delay,
+        bias=pre.bias[:, :3],
     )

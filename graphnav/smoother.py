@@ -21,7 +21,7 @@ from graphnav.odometry import speed_at
 from graphnav.preparation import Prepared, params
 from graphnav.problem import Problem, build
 from graphnav.run import Array
-from graphnav.solve import Solution, gauss_newton
+from graphnav.solve import FINE, ROUGH, Solution, gauss_newton
 from graphnav.timeline import Timeline, disagreement, timeline_from_states
 
 MAX_ROUNDS = 4
@@ -79,8 +79,8 @@ def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoo
         told(f"graph, round {round_}")
         problem = build(prep, nodes, timeline, estimate, {})
         told(f"solve, round {round_}")
-        robust = FIRST if round_ == 1 else FINAL
-        solution = gauss_newton(problem.linearise, estimate, problem.chain, robust)
+        robust, tolerance = (FIRST, ROUGH) if round_ == 1 else (FINAL, FINE)
+        solution = gauss_newton(problem.linearise, estimate, problem.chain, robust, tolerance)
         iterations += solution.iterations
         estimate = solution.estimate
         path = densify(prep.inc, problem.pre, nodes, estimate, prep.alignment.origin)

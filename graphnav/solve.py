@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 
-from factors.block import POSITION, ROTATION, Block
+from factors.block import Block
 from factors.weights import Robust
 from graphnav.elimination import Chain, eliminate, step
 from graphnav.errors import SolutionError
@@ -15,8 +15,9 @@ from graphnav.run import Array
 
 Linearise = Callable[[Estimate], list[Block]]
 
-POSITION_M, ROTATION_RAD = 3e-3, 1e-5  # a step below both everywhere ends the iteration
-MAX_ITERATIONS = 30
+ROUGH, FINE = 1.0, 1e-3  # squared length of the last step in standard deviations, all states
+MAX_ITERATIONS = 40
+DAMPED_FROM = 6  # iteration from which weights are averaged with the last ones: no limit cycles
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Solution:
     """Where the iteration ended, with the factors and the square-root system there."""
 
     estimate: Estimate
-    blocks: list[Block]  # unweighted, at the estimate before the last step
+    blocks: list[Block]  # unweighted, at the estimate
     weights: list[Array]  # (n, r) of each block
     bayes_net: gtsam.GaussianBayesNet
     iterations: int
@@ -50,23 +51,29 @@ def gauss_newton(
     estimate: Estimate,
     chain: Chain,
     robust: Mapping[str, Robust],
-    max_iterations: int = MAX_ITERATIONS,
+    tolerance: float = FINE,
 ) -> Solution:
-    """Iterate until nothing moves; raises SolutionError naming the factor that does not settle."""
+    """Iterate until the step is small against the standard deviations: `d^T H d < tolerance`.
+
+    Raises SolutionError naming the factor that does not settle.
+    """
     blocks = linearise(estimate)
-    for iteration in range(1, max_iterations + 1):
-        weights = [weights_of(block, robust) for block in blocks]
+    weights = [weights_of(block, robust) for block in blocks]
+    for iteration in range(1, MAX_ITERATIONS + 1):
         cost = cost_of(blocks, weights)
         weighted = [b.weighted(w) for b, w in zip(blocks, weights, strict=True)]
         bayes_net = eliminate(weighted, chain)
         nodes, segments = step(bayes_net, chain)
         trial, trial_blocks = _descend(linearise, estimate, nodes, segments, weights, cost)
-        moved = np.abs(nodes[:, POSITION]).max(), np.abs(nodes[:, ROTATION]).max()
-        if moved[0] < POSITION_M and moved[1] < ROTATION_RAD:
-            return Solution(trial, blocks, weights, bayes_net, iteration, cost)
+        length = sum(float(np.sum(b.change(nodes, segments) ** 2)) for b in weighted)
+        if length < tolerance:
+            return Solution(trial, trial_blocks, weights, bayes_net, iteration, cost)
         estimate, blocks = trial, trial_blocks
+        fresh = [weights_of(block, robust) for block in blocks]
+        damped = iteration >= DAMPED_FROM
+        weights = [np.sqrt(w * f) if damped else f for w, f in zip(weights, fresh, strict=True)]
     raise SolutionError(
-        f"no convergence in {max_iterations} iterations ({moved[0]:.3g} m still moving): "
+        f"no convergence in {MAX_ITERATIONS} iterations (last step {np.sqrt(length):.2g} sigma): "
         + worst(blocks)
     )
 
