@@ -64,7 +64,7 @@ def check_gravity(run: Run, vehicle: Vehicle) -> None:
     if abs(size / G_STANDARD - 1) > 0.2:
         raise InputError(
             f"{run.path}: the accelerometers read {size:.3g} m/s^2 on the whole where gravity "
-            "makes 9.8; set their unit under [columns] in the vehicle file (gravity must be left in)"
+            "makes 9.8; set their unit under [columns] in the vehicle file (leave gravity in)"
         )
     mean = np.median(now.force, axis=0)
     if mean[2] < UP_SHARE * G_STANDARD:
@@ -92,7 +92,7 @@ def check_rates(run: Run, vehicle: Vehicle) -> None:
         if idle > limit:
             raise InputError(
                 f"{run.path}: at rest the gyros read {idle:.3g} rad/s, over {limit:.3g}, ten times "
-                f"Earth rate, bias and noise of the vehicle file together; if they are in deg/s {DEG_CURE}"
+                f"Earth rate, bias and noise together; if they are in deg/s {DEG_CURE}"
             )
 
 
@@ -136,8 +136,8 @@ def _centripetal_finding(run: Run, now: Seconds) -> list[str]:
         return []
     if 0 < slope < 2 * DEG:
         raise InputError(
-            f"{run.path}: in bends the lateral force is {slope:.3f} times speed times yaw rate; the "
-            f"gyros seem to be in deg/s: {DEG_CURE}"
+            f"{run.path}: in bends the lateral force is {slope:.3f} times speed times yaw rate; "
+            f"the gyros seem to be in deg/s: {DEG_CURE}"
         )
     return [
         f"in bends the lateral force is {slope:.2f} times speed times yaw rate, and should be 1: "

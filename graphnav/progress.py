@@ -1,0 +1,90 @@
+"""What is being done now, and what each stage took."""
+
+import resource
+import sys
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Self
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.status import Status
+
+STATUS = Path("/proc/self/status")
+CLEAR_REFS = Path("/proc/self/clear_refs")
+
+
+class Stages:
+    """Call it with the name of each stage as it begins; seconds and peak memory are kept by name.
+
+    On a terminal (stderr) the running stage is shown and finished ones stay with their seconds; in
+    a pipe nothing is printed. A stage called twice adds up. Use as a context, or call `done`.
+    """
+
+    def __init__(self, show: bool | None = None) -> None:
+        self.seconds: dict[str, float] = {}
+        self.memory_mb: dict[str, float] = {}
+        self._name: str | None = None
+        self._since = 0.0
+        self._console: Console | None = None
+        self._status: Status | None = None
+        if sys.stderr.isatty() if show is None else show:
+            from rich.console import Console
+
+            self._console = Console(stderr=True, highlight=False)
+
+    def __call__(self, name: str) -> None:
+        """Stage `name` begins; the one before it, if any, has ended."""
+        self._close()
+        _reset_peak()
+        self._name, self._since = name, time.perf_counter()
+        if self._console is not None:
+            self._status = self._console.status(f"[bold]{name}")
+            self._status.start()
+
+    def done(self) -> None:
+        """The last stage has ended."""
+        self._close()
+        self._name = None
+
+    @property
+    def peak_memory_mb(self) -> float:
+        """The most any stage so far needed."""
+        return max([*self.memory_mb.values(), peak_memory_mb()])
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, failed: object, *_: object) -> None:
+        if failed is None:
+            self.done()
+        elif self._status is not None:  # an error is told without a tick before it
+            self._status.stop()
+
+    def _close(self) -> None:
+        if self._name is None:
+            return
+        took = time.perf_counter() - self._since
+        self.seconds[self._name] = self.seconds.get(self._name, 0.0) + took
+        self.memory_mb[self._name] = max(self.memory_mb.get(self._name, 0.0), peak_memory_mb())
+        if self._status is not None and self._console is not None:
+            self._status.stop()
+            self._console.print(f"[green]✓[/] {self._name:<32} [dim]{took:6.2f} s")
+
+
+def peak_memory_mb() -> float:
+    """Most resident memory since the stage began (Linux), else since the process did."""
+    try:
+        line = next(x for x in STATUS.read_text().splitlines() if x.startswith("VmHWM"))
+        return float(line.split()[1]) / 1024
+    except (OSError, StopIteration, ValueError):
+        unit = 1 if sys.platform == "darwin" else 1024
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1024**2
+
+
+def _reset_peak() -> None:
+    """Let the kernel count the peak anew; where it cannot, peaks are those of the process."""
+    try:
+        CLEAR_REFS.write_text("5")
+    except OSError:
+        return
