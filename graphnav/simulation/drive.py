@@ -5,16 +5,15 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from graphnav.simulation import inertial
+from graphnav.simulation import inertial, rotation
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.ground import Roughness, tilt
 from graphnav.simulation.inertial import Body, Truth
 from graphnav.simulation.legs import Commands
 
 RATE_HZ = 100  # of the samples
-EVERY = 2  # internal steps per sample
+EVERY = 4  # internal steps per sample
 
 
 @dataclass(frozen=True)
@@ -94,7 +93,7 @@ def follow(seed: int, setup: Setup, commands: Commands, sideways: Array, upward:
     turned = np.concatenate([[0.0], np.cumsum(w[1:] + w[:-1]) * (dt / 2)])
     heading = stream(seed, "heading").uniform(0, 2 * np.pi) - turned
     roll, pitch = tilt(stream(seed, "ground"), setup.rough, commands)
-    mount = Rotation.from_rotvec(np.radians(setup.mount_deg))
+    mount = rotation.single(np.radians(setup.mount_deg))
     lat, lon, height = setup.start
     body = Body(np.array([np.radians(lat), np.radians(lon), height]), mount, setup.lever)
     v_m = np.stack([sideways, commands.speed, upward], -1)

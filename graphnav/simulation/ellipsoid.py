@@ -6,7 +6,6 @@ the model of pyins, by which the simulator is checked.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 Array = NDArray[np.float64]
 
@@ -40,12 +39,6 @@ def geodetic(start: Array, v_n: Array, dt: float) -> Array:
     across = radii(lat, height)[1]
     lon = start[1] + summed(v_n[:, 0] / (across * np.cos(lat)))
     return np.stack([lat, lon, height], -1)
-
-
-def local_axes(lla: Array, time: Array) -> Rotation:
-    """`R_in`, local east-north-up axes in inertial ones, (N) rotations; lla rad, rad, m."""
-    lon_i = lla[:, 1] + RATE * time
-    return Rotation.from_euler("ZX", np.stack([lon_i + np.pi / 2, np.pi / 2 - lla[:, 0]], -1))
 
 
 def inertial_position(lla: Array, time: Array) -> Array:

@@ -8,10 +8,9 @@ integrating anything, so strapdown integration of the samples returns to the nod
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.spatial.transform import Rotation
-
 from graphnav.simulation import ellipsoid
 from graphnav.simulation.ellipsoid import Array
+from graphnav.simulation.rotation import Rotations, about
 
 
 @dataclass(frozen=True)
@@ -19,7 +18,7 @@ class Body:
     """Where the IMU sits: mounting `R_bm` and the lever from IMU to the vehicle point, in b."""
 
     lla: Array  # (3,) rad, rad, m of the IMU at the start
-    R_bm: Rotation
+    R_bm: Rotations
     lever_b: Array  # (3,) m
 
 
@@ -46,49 +45,50 @@ class Truth:
         return out
 
 
-def attitude(roll: Array, pitch: Array, heading: Array) -> Rotation:
+def attitude(roll: Array, pitch: Array, heading: Array) -> Rotations:
     """`R_nm` (N) of angles in rad: heading clockwise from north, pitch nose up, roll right down."""
-    return Rotation.from_euler("ZXY", np.stack([-heading, pitch, roll], -1))
+    return about("z", -heading) * about("x", pitch) * about("y", roll)
 
 
-def truth(time: Array, R_nm: Rotation, v_m: Array, body: Body, every: int) -> Truth:
+def truth(time: Array, R_nm: Rotations, v_m: Array, body: Body, every: int) -> Truth:
     """The IMU's truth for a vehicle point moving at `v_m` (M, 3) m/s with attitude `R_nm` (M).
 
     `time` (M,) is the internal grid; `every` internal steps make one sample, M = N * every + 1.
     """
     dt = float(time[1] - time[0])
-    R_nb = R_nm * body.R_bm.inv()
+    R_nb = R_nm * body.R_bm.inverse()
     w_b = _node_rate(R_nb, dt)
     v_n = R_nb.apply(body.R_bm.apply(v_m) - np.cross(w_b, body.lever_b))
     lla = ellipsoid.geodetic(body.lla, v_n, dt)
     gyro, accel = _samples(time, R_nb, v_n, lla, every)
     nodes = slice(None, None, every)
     degrees = np.array([180 / np.pi, 180 / np.pi, 1.0])
-    R = R_nb[nodes].as_matrix()
+    R = R_nb[nodes].matrices()
     return Truth(time[nodes], lla[nodes] * degrees, v_n[nodes], R, gyro, accel)
 
 
-def _node_rate(R_nb: Rotation, dt: float) -> Array:
+def _node_rate(R_nb: Rotations, dt: float) -> Array:
     """Rate of b against n at the nodes (M, 3) rad/s: the mean of the two steps beside each."""
-    step = (R_nb[:-1].inv() * R_nb[1:]).as_rotvec() / dt
+    step = (R_nb[:-1].inverse() * R_nb[1:]).rotvec() / dt
     ends = np.concatenate([step[:1], step, step[-1:]])
     return 0.5 * (ends[1:] + ends[:-1])
 
 
 def _samples(
-    time: Array, R_nb: Rotation, v_n: Array, lla: Array, every: int
+    time: Array, R_nb: Rotations, v_n: Array, lla: Array, every: int
 ) -> tuple[Array, Array]:
     """Mean rates and specific forces (N, 3) over `every` internal steps each."""
     dt = float(time[1] - time[0])
-    R_in = ellipsoid.local_axes(lla, time)
+    lat, lon_i = lla[:, 0], lla[:, 1] + ellipsoid.RATE * time
+    R_in = about("z", lon_i + np.pi / 2) * about("x", np.pi / 2 - lat)
     R_ib = R_in * R_nb
     earth_i = np.array([0.0, 0.0, ellipsoid.RATE])
     v_i = R_in.apply(v_n) + np.cross(earth_i, ellipsoid.inertial_position(lla, time))
     g_i = R_in.apply(ellipsoid.gravitation(lla))
     force_i = np.diff(v_i, axis=0) / dt - 0.5 * (g_i[1:] + g_i[:-1])
 
-    turn = (R_ib[:-1].inv() * R_ib[1:]).as_rotvec()
-    mean_b = R_ib[:-1].inv().apply(force_i)
+    turn = (R_ib[:-1].inverse() * R_ib[1:]).rotvec()
+    mean_b = R_ib[:-1].inverse().apply(force_i)
     # inverse left Jacobian: the constant body force whose turning mean this is (next term turn^4)
     across = np.cross(turn, mean_b)
     force_b = mean_b - 0.5 * across + np.cross(turn, across) / 12

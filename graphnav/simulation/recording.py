@@ -1,4 +1,4 @@
-"""What the sensors make of a drive: the tables of run.csv and truth.csv, vehicle.toml and the truth's constants."""
+"""What the sensors make of a drive: run.csv, truth.csv, vehicle.toml and the true constants."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
