@@ -65,9 +65,11 @@ def test_every_entity_is_there(rrd: Path) -> None:
         "ellipses_3sigma",
         "vehicle",
     ]
-    plots = ["/velocity/forward/smoothed", "/velocity/forward/odometer",
-             "/velocity/forward/odometer_raw", "/velocity/lateral/odometer", "/error/east", "/error/heading", "/weights/velocity",
-             "/residuals/odometer/y", "/residuals/odometer/down_weighted", "/summary"]  # fmt: skip
+    plots = [
+        *(f"/velocity/forward/{k}" for k in ("smoothed", "odometer", "odometer_raw")),
+        *("/velocity/lateral/odometer", "/error/east", "/error/heading", "/weights/velocity"),
+        *("/residuals/odometer/y", "/residuals/odometer/down_weighted", "/summary"),
+    ]
     maps = ["/map/smoothed", "/map/gnss", "/map/vehicle"]
     wanted = {*axes, *factors, *lanes, *plots, *maps, *(f"/world/{w}" for w in world)}
     assert wanted <= entities(rrd)
