@@ -84,7 +84,8 @@ def mission(rng: np.random.Generator, ground: Ground, blocks: int = 24) -> tuple
     for first, last in pairwise(edges):
         if state[first] in RADIUS:
             radius = RADIUS[state[first]] * ground.radius[state[first]]
-            bend[first:last] = rng.choice([-1, 1]) * np.median(v_y[first:last]) / radius
+            turning = min(np.median(v_y[first:last]) / radius, 0.45)  # below A16's limit
+            bend[first:last] = rng.choice([-1, 1]) * turning
     time = 0.1 * np.arange(len(state))
     yaw_rate = gaussian_filter1d(bend, 3.0) + 0.002 * np.sin(time / 3) * (v_y > 0.1)
     at_rest = (state == "stop") & (v_y < 0.15)
