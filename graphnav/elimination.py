@@ -18,6 +18,9 @@ from graphnav.errors import SolutionError
 from graphnav.run import Array
 
 
+JOINTS = 800  # intervals whose joint covariance is kept
+
+
 @dataclass(frozen=True)
 class Chain:
     """Numbers of nodes and segments and the order in which they are eliminated."""
@@ -62,12 +65,16 @@ def step(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> tuple[Array, Array]
     return nodes, segments
 
 
+Joints = dict[int, Array]  # node i -> covariance of [x_i, x_{i+1}, c of the interval]
+
+
 @dataclass(frozen=True)
 class Covariances:
     """Marginal covariances of every state; nodes in their error coordinates."""
 
     nodes: Array  # (N, 10, 10)
     calibration: Array  # (K, dim, dim)
+    joints: Joints  # of about `JOINTS` intervals spread over the run
 
 
 def covariances(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> Covariances:
@@ -77,33 +84,46 @@ def covariances(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> Covariances:
     """
     nodes = np.empty((chain.nodes, NODE_DIM, NODE_DIM))
     calibration = np.empty((chain.segments, chain.calibration_dim, chain.calibration_dim))
-    first_segment = gtsam.symbol("c", 0)
-    first_node = gtsam.symbol("x", 0)
-    is_node = lambda key: key >= first_node  # noqa: E731  'x' sorts after 'c'
-    joint, place = np.empty((0, 0)), {}
+    joints: Joints = {}
+    stride = max(1, chain.nodes // JOINTS)
+    first_x, first_c = gtsam.symbol("x", 0), gtsam.symbol("c", 0)
+    joint, place = np.empty((0, 0)), dict[int, Array]()
     for k in range(bayes_net.size() - 1, -1, -1):
         conditional = bayes_net.at(k)
         keys = list(conditional.keys())
-        R, S = conditional.R(), conditional.S()
-        inverse = dtrtri(R)[0]
-        own = inverse @ inverse.T
-        if len(keys) > 1:
-            columns = np.concatenate([place[key] for key in keys[1:]])
-            P_yy = joint[np.ix_(columns, columns)]
-            G = -inverse @ S
-            P_xy = G @ P_yy
-            own = own + P_xy @ G.T
-            joint = np.block([[own, P_xy], [P_xy.T, P_yy]])
-        else:
-            joint = own
-        place = {}
-        at = 0
-        for key in keys:
-            width = NODE_DIM if is_node(key) else chain.calibration_dim
-            place[key] = np.arange(at, at + width)
-            at += width
-        if is_node(keys[0]):
-            nodes[keys[0] - first_node] = own
-        else:
-            calibration[keys[0] - first_segment] = own
-    return Covariances(nodes, calibration)
+        joint = _extended(joint, place, conditional, keys[1:])
+        widths = [NODE_DIM if key >= first_x else chain.calibration_dim for key in keys]
+        ends = np.cumsum(widths)
+        place = {
+            key: np.arange(end - width, end)
+            for key, end, width in zip(keys, ends, widths, strict=True)
+        }
+        own = joint[: widths[0], : widths[0]]
+        if keys[0] < first_x:
+            calibration[keys[0] - first_c] = own
+            continue
+        i = keys[0] - first_x
+        nodes[i] = own
+        if i % stride == 0 and len(keys) == 3:
+            order = np.concatenate([place[key] for key in sorted(keys, key=lambda q: (q < first_x, q))])
+            joints[i] = joint[np.ix_(order, order)]
+    return Covariances(nodes, calibration, joints)
+
+
+def _extended(
+    joint: Array, place: dict[int, Array], conditional: gtsam.GaussianConditional, parents: list[int]
+) -> Array:
+    """Joint covariance of one conditional's variable and its parents, parents taken from `joint`."""
+    inverse = dtrtri(conditional.R())[0]
+    own = inverse @ inverse.T
+    if not parents:
+        return own
+    columns = np.concatenate([place[key] for key in parents])
+    P_yy = joint[np.ix_(columns, columns)]
+    G = -inverse @ conditional.S()
+    P_xy = G @ P_yy
+    size = len(own)
+    out = np.empty((size + len(columns), size + len(columns)))
+    out[:size, :size] = own + P_xy @ G.T
+    out[:size, size:], out[size:, :size], out[size:, size:] = P_xy, P_xy.T, P_yy
+    return out

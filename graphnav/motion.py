@@ -36,21 +36,20 @@ def motion_factors(
     moving: Index,
     at: Estimate,
     scales: Scales,
-) -> list[Factor]:
-    """Displacements over the moving intervals; velocities where the odometer is sparse or absent."""
+) -> tuple[list[Factor], dict[str, States]]:
+    """Displacements over the moving intervals; velocities where the odometer is sparse or absent.
+
+    With them, by kind, the motion state each factor belongs to.
+    """
     odometer = prep.run.odometer
-    phase_only = _phase(nodes, 0.0)
-    if odometer is None:
-        return [_velocities(prep, nodes, pre, state, moving, None, scales), phase_only]
-    if float(np.median(np.diff(odometer.time))) > SPARSE_S:
-        return [_velocities(prep, nodes, pre, state, moving, odometer, scales), phase_only]
+    if odometer is None or float(np.median(np.diff(odometer.time))) > SPARSE_S:
+        velocities = _velocities(prep, nodes, pre, state, moving, odometer, scales)
+        return [velocities, _phase(nodes, 0.0)], {"velocity": driven(prep, state[moving])}
     sums = sums_of(prep, nodes, pre, at)
     begin, end = nodes.time[moving], nodes.time[moving + 1]
     on = moving[(begin >= odometer.time[0] - 0.1) & (end <= odometer.time[-1] + 0.1)]
-    return [
-        _displacements(prep, nodes, sums, state, on, scales),
-        _phase(nodes, odometer.pulse),
-    ]
+    factors = [_displacements(prep, nodes, sums, state, on, scales), _phase(nodes, odometer.pulse)]
+    return factors, {"displacement": driven(prep, state[on])}
 
 
 def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> OdometerSums:

@@ -36,6 +36,7 @@ class Problem:
     pre: Preintegrated
     resting: Index  # intervals at standstill
     state: States  # (N - 1,) motion state of each interval
+    groups: dict[str, States]  # by factor kind, the state each of its factors belongs to
 
     def linearise(self, estimate: Estimate) -> list[Block]:
         """Every block at an estimate."""
@@ -57,13 +58,16 @@ def build(prep: Prepared, nodes: Nodes, timeline: Timeline, at: Estimate, scales
         _standstill(prep, nodes, resting),
     ]
     moving = np.setdiff1d(np.arange(len(seg)), resting)
-    factors.extend(motion_factors(prep, nodes, pre, state, moving, at, scales))
+    motion, groups = motion_factors(prep, nodes, pre, state, moving, at, scales)
+    factors.extend(motion)
     if prep.gnss is not None:
-        factors.append(_gnss(prep, nodes, scales))
+        fixes = _gnss(prep, nodes, scales)
+        factors.append(fixes)
+        groups["gnss"] = np.full(len(fixes(at)[0].time), "")
     if prep.run.heading is not None:
         factors.append(_heading(prep, nodes))
     chain = Chain(len(nodes.time), len(nodes.segment_time), prep.layout.dim, seg)
-    return Problem(tuple(factors), chain, nodes, pre, resting, state)
+    return Problem(tuple(factors), chain, nodes, pre, resting, state, groups)
 
 
 def _start(prep: Prepared, nodes: Nodes) -> Factor:

@@ -16,6 +16,7 @@ from graphnav.estimate import Estimate
 from graphnav.kinematics import kinematics
 from graphnav.motion import sums_of
 from graphnav.motion_states import recognise
+from graphnav.noise import rescaled
 from graphnav.nodes import Nodes, place_nodes
 from graphnav.odometry import speed_at
 from graphnav.preparation import Prepared, params
@@ -24,7 +25,7 @@ from graphnav.run import Array
 from graphnav.solve import FINE, ROUGH, Solution, gauss_newton
 from graphnav.timeline import Timeline, disagreement, timeline_from_states
 
-MAX_ROUNDS = 4
+MIN_ROUNDS, MAX_ROUNDS = 3, 5
 SAME_TIMELINE = 0.002  # share of time that may still change its state
 FIX_SPACING_S = 0.45
 
@@ -72,12 +73,13 @@ def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoo
     told("motion states")
     timeline = _recognised(prep, path, estimate, None)
     iterations = 0
+    scales: dict[str, float] = {}
     for round_ in range(1, MAX_ROUNDS + 1):
         nodes_next = _nodes(prep, timeline.boundaries)
         estimate = _moved(estimate, nodes, path, nodes_next)
         nodes = nodes_next
         told(f"graph, round {round_}")
-        problem = build(prep, nodes, timeline, estimate, {})
+        problem = build(prep, nodes, timeline, estimate, scales)
         told(f"solve, round {round_}")
         robust, tolerance = (FIRST, ROUGH) if round_ == 1 else (FINAL, FINE)
         solution = gauss_newton(problem.linearise, estimate, problem.chain, robust, tolerance)
@@ -87,11 +89,12 @@ def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoo
         told(f"motion states, round {round_}")
         again = _recognised(prep, path, estimate, nodes)
         stands = disagreement(timeline, again) < SAME_TIMELINE
-        if round_ > 1 and stands:
+        told(f"covariances, round {round_}")
+        found = covariances(solution.bayes_net, problem.chain)
+        if round_ >= MIN_ROUNDS and stands:
             break
         timeline = again
-    told("covariances")
-    found = covariances(solution.bayes_net, problem.chain)
+        scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
     return Smoothed(
         prep, problem, solution, timeline, found, reckoned, iterations, round_
     )
