@@ -29,9 +29,9 @@ class Stages:
         self._console: Console | None = None
         self._status: Status | None = None
         if sys.stderr.isatty() if show is None else show:
-            from rich.console import Console
+            import rich.console
 
-            self._console = Console(stderr=True, highlight=False)
+            self._console = rich.console.Console(stderr=True, highlight=False)
 
     def __call__(self, name: str) -> None:
         """Stage `name` begins; the one before it, if any, has ended."""

@@ -111,7 +111,7 @@ def open_table(path: Path) -> TableFile:
     """The table at `path`; InputError when it is absent, empty or not a table."""
     if not path.is_file():
         what = "is a directory" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; give a run as .csv, .csv.gz or .parquet")
+        raise InputError(f"{path}: {what}; give a .csv, .csv.gz or .parquet file")
     try:
         header = _header(path)
     except (OSError, UnicodeDecodeError, EOFError, pa.ArrowInvalid) as error:

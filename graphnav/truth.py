@@ -45,3 +45,19 @@ def read_truth(path: Path) -> "DataFrame":
         row = file.row(int((truth["lat"].abs() > 90).to_numpy().argmax()))
         raise InputError(f"{path}: {row}: lat is no latitude in degrees")
     return truth[known].reset_index(drop=True)
+
+
+def read_trajectory(path: Path) -> "DataFrame":
+    """The trajectory of a result directory, or a trajectory file (.parquet, .csv).
+
+    Raises `InputError` when there is none, or when it lacks what a comparison needs.
+    """
+    import pandas as pd
+
+    file = open_table(path / "trajectory.parquet" if path.is_dir() else path)
+    for name in NEEDED:
+        if name not in file.header:
+            raise InputError(f"{file.path}: no column '{name}'; give a result of graphnav smooth")
+    words = [name for name in file.header if name == "state"]
+    table = pd.DataFrame(file.numbers([name for name in file.header if name not in words]))
+    return table.assign(**{name: file.words(name) for name in words})

@@ -22,6 +22,8 @@ def load_vehicle(path: Path | None, run_path: Path) -> Vehicle:
 
     Raises `InputError` when it is absent, is not TOML, or holds anything that is not understood.
     """
+    if path is None and not run_path.is_file():
+        raise InputError(f"{run_path}: no such run file; give a .csv, .csv.gz or .parquet file")
     path = run_path.parent / "vehicle.toml" if path is None else path
     if not path.is_file():
         raise InputError(

@@ -5,6 +5,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from fnmatch import fnmatch
 from pathlib import Path
 
 from graphnav import __version__
@@ -12,7 +13,7 @@ from graphnav.errors import InputError
 
 MARKER = ".graphnav"  # lists the files graphnav wrote into the directory
 # made from a finished result by other commands, so no loss when it is replaced
-DERIVED = ("*.rrd", "*.html", "*.gpx", "*.kml", "*.kmz", "*.geojson", "*.tum", "*.png", "*.nmea")
+DERIVED = ("run.rrd", "report.html", "export/*")
 
 
 def default_out(run_path: Path) -> Path:
@@ -85,7 +86,7 @@ def _listed(directory: Path) -> frozenset[str]:
 
 
 def _own(path: Path, listed: frozenset[str]) -> bool:
-    return bool(listed) and (str(path) in listed or any(path.match(p) for p in DERIVED))
+    return bool(listed) and (str(path) in listed or any(fnmatch(str(path), p) for p in DERIVED))
 
 
 def _swap(part: Path, out: Path) -> None:
