@@ -1,6 +1,5 @@
 """What is being done now, and what each stage took."""
 
-import resource
 import sys
 import time
 from pathlib import Path
@@ -78,6 +77,8 @@ def peak_memory_mb() -> float:
         line = next(x for x in STATUS.read_text().splitlines() if x.startswith("VmHWM"))
         return float(line.split()[1]) / 1024
     except (OSError, StopIteration, ValueError):
+        import resource  # not there on Windows
+
         unit = 1 if sys.platform == "darwin" else 1024
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1024**2
 
