@@ -74,7 +74,7 @@ class Spread:
 
     roll: float = 0.05  # of the speed, along the wheel: slip differs from wheel to wheel
     side: float = 0.03  # of the speed, across the wheel: side slip, steering error
-    floor: float = 0.001  # m/s
+    floor: float = 0.0003  # m/s
 
 
 def beta(joints: Joints) -> Array:

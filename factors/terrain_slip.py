@@ -1,4 +1,4 @@
-"""Slip from the ground itself: what the front wheel climbs, the middle and rear climb a little later.
+"""Slip from the ground itself: what the front wheel climbs, the rear climbs a little later.
 
 On one side the wheels follow each other over the same profile h. The linkage gives the height
 differences D_1 = h(front) - h(middle) and D_2 = h(middle) - h(rear) as functions of the way s that

@@ -206,16 +206,30 @@ def _heading(reader: _Reader) -> ExternalHeading | None:
 
 
 def _rover(reader: _Reader) -> RoverGear | None:
+    """Running gear at the wheels' rows; a silent wheel is NaN, angles may come at other times."""
     samples = reader.samples
     if not samples.has(WHEELS):
+        return None
+    blank = np.full(len(samples.clock), np.nan)
+    wheel = np.stack([samples.columns.get(name, blank) for name in WHEELS], -1)
+    rows = np.flatnonzero(np.isfinite(wheel).any(-1))
+    if len(rows) < 2:
         return None
     for names, what in ((STEERS, "steering"), (LINKS, "rocker and bogie")):
         if not samples.has(names):
             reader.notes.append(f"no {what} columns: taken as 0, straight and level")
-    names = WHEELS + tuple(n for group in (STEERS, LINKS) if samples.has(group) for n in group)
-    rows, values = samples.group(names, "a sample of the running gear")
-    column = dict(zip(names, values.T, strict=True))
-    zero = np.zeros(len(rows))
-    link = [column.get(name, zero) for name in LINKS]
-    steer = np.stack([column.get(name, zero) for name in STEERS], -1)
-    return RoverGear(reader.time(rows), values[:, :6], steer, link[0], link[1], link[2])
+    silent = [name for name, w in zip(WHEELS, wheel.T, strict=True) if not np.isfinite(w).any()]
+    if silent:
+        reader.notes.append(f"{', '.join(silent)} never reported: the other wheels decide")
+    steer = np.stack([_angle(reader, name, rows) for name in STEERS], -1)
+    link = [_angle(reader, name, rows) for name in LINKS]
+    return RoverGear(reader.time(rows), wheel[rows], steer, link[0], link[1], link[2])
+
+
+def _angle(reader: _Reader, name: str, rows: Rows) -> Array:
+    """A joint's angle at `rows`, interpolated between its own samples; 0 without any."""
+    column = reader.samples.columns.get(name)
+    if column is None or not np.isfinite(column).any():
+        return np.zeros(len(rows))
+    known, clock = np.isfinite(column), reader.samples.clock
+    return np.interp(clock[rows], clock[known], column[known])

@@ -69,9 +69,7 @@ def wheels_of(gear: RoverGear, linkage: rb.Linkage) -> Wheels:
     return _integrated(gear.time, rb.wheel_positions(linkage, joints), motion, spread)
 
 
-def _integrated(
-    time: Array, wheels_b: Array, motion: rb.BodyMotion, spread: rb.Spread
-) -> Wheels:
+def _integrated(time: Array, wheels_b: Array, motion: rb.BodyMotion, spread: rb.Spread) -> Wheels:
     known = np.isfinite(motion.w_z)
     if np.count_nonzero(known) < 2:
         raise InputError(

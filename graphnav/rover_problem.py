@@ -1,6 +1,7 @@
-"""The rover's graph: nodes at 1 Hz tied by the wheels, levelled by the accelerometer, no gyro needed.
+"""The rover's graph: nodes at 1 Hz tied by the wheels and levelled by the accelerometer.
 
-Where gyros are present the inertial factors join in and take the place of the quasi-static level.
+No gyro is needed; where gyros are present the inertial factors join in and take the place of the
+quasi-static level.
 """
 
 from collections.abc import Callable
@@ -8,7 +9,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import so3
 from factors import wheel_velocity as wv
 from factors.block import Block
 from factors.calibration import Component, Layout
@@ -17,18 +17,15 @@ from factors.heading import heading
 from factors.inertial import Field, inertial
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
-from factors.weights import Robust
 from graphnav import rover, rover_terrain
 from graphnav.angles import rotation_of_angles
-from graphnav.densify import Path
 from graphnav.earth import G_STANDARD, Origin
-from graphnav.elimination import Chain, Covariances, covariances
+from graphnav.elimination import Chain
 from graphnav.errors import InputError
 from graphnav.estimate import Estimate
 from graphnav.increments import increments
 from graphnav.nodes import Nodes, nearest_node, place_nodes
-from graphnav.run import Array, Run
-from graphnav.solve import Solution, gauss_newton
+from graphnav.run import Run
 from graphnav.vehicle import Vehicle
 
 Factor = Callable[[Estimate], list[Block]]
@@ -43,15 +40,6 @@ YAW_FLOOR, YAW_SHARE = 3e-4, 0.3  # rad; of the wheels' own yaw uncertainty
 TILT_FLOOR, TILT_SHARE = 1e-3, 0.5  # rad; rad per m
 UNHEARD_SPEED, UNHEARD_RATE = 0.2, 0.1  # m/s, rad/s: what may happen unheard
 SPEED_SD, SPEED_SHARE = 0.01, 0.1  # m/s; of the speed
-
-ROBUST = {
-    "heading": Robust("igg3", 2.5, 8.0),
-    "level": Robust("igg3", 2.5, 8.0),
-    "wheel_displacement": Robust("huber", 2.5),
-    "wheel_yaw": Robust("huber", 2.5),
-    "terrain_slip": Robust("igg3", 2.5, 8.0),
-}
-CONVEX = {kind: Robust("huber", 2.0) for kind in ROBUST}
 
 
 @dataclass(frozen=True)
@@ -76,48 +64,14 @@ class RoverProblem:
         return Chain(len(n.time), len(n.segment_time), self.layout.dim, n.segment)
 
 
-@dataclass(frozen=True)
-class RoverSolution:
-    """The smoothed rover."""
-
-    problem: RoverProblem
-    solution: Solution
-    covariances: Covariances
-
-    @property
-    def estimate(self) -> Estimate:
-        """States of all nodes and calibrations."""
-        return self.solution.estimate
-
-
-def smooth_rover(run: Run, vehicle: Vehicle) -> RoverSolution:
-    """Solve a rover run, convex first, then with redescending weights."""
-    problem = prepare(run, vehicle)
-    estimate = first_guess(problem)
-    found: list[rover_terrain.Track] = []
-    for robust in (CONVEX, CONVEX, ROBUST):
-        factors = build(problem, estimate, found)
-        solution = gauss_newton(
-            lambda x: [b for f in factors for b in f(x)],  # noqa: B023  called at once
-            estimate,
-            problem.chain,
-            robust,
-        )
-        estimate = solution.estimate
-        path = dense_path(problem, estimate, problem.wheels.time)
-        k = estimate.calibration[:, problem.layout.column("slip_coefficient")]
-        found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
-    return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain))
-
-
 def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
     """Wheels, nodes, calibration layout and start; InputError says what is missing."""
     if run.rover is None:
         raise InputError(f"{run.path}: a rover needs wheel_1 .. wheel_6 and steer_1 .. steer_6")
     wheels = rover.wheels_of(run.rover, rover.linkage_of(vehicle.rover, str(run.path)))
     inc = increments(run.imu) if run.imu is not None else None
-    nothing = np.zeros(0)
-    nodes = place_nodes(wheels.time if inc is None else inc.edge, nothing, nothing)
+    edges = wheels.time if inc is None else inc.edge
+    nodes = place_nodes(edges, np.zeros(0), np.zeros(0), np.zeros((0, 2)))
     at = vehicle.start
     if at.lat is None or at.lon is None:
         raise InputError(f"{run.path}: no start: give [start] lat, lon, height in the vehicle file")
@@ -175,42 +129,11 @@ def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes) -> St
         )
     tilt = np.deg2rad(30.0)
     sds = np.array([tilt, tilt, sd, 1.0, 1.0, 1.0, *[at.position_sd_m] * 3])
-    R = rotation_of_angles(np.float64(0.0), np.float64(0.0), np.float64(value))
+    R = rotation_of_angles(*np.array([0.0, 0.0, float(value)]))
     return Start(R, np.zeros(3), np.zeros(3), sds)
 
 
-def first_guess(problem: RoverProblem) -> Estimate:
-    """Level from the accelerometer, heading from the sensor with the wheels between, dead reckoning."""
-    time, n = problem.nodes.time, len(problem.nodes.time)
-    wheels, sums = problem.wheels, problem.sums
-    yaw = rover.K_GUESS * np.concatenate([[0.0], np.cumsum(sums.yaw)])
-    start_R = problem.start.R_nb
-    known = float(np.arctan2(start_R[0, 1], start_R[1, 1]))
-    angle = np.full(n, known)
-    seen = problem.run.heading
-    if seen is not None:
-        carried = np.interp(seen.time, time, yaw)
-        angle = np.interp(time, seen.time, np.unwrap(seen.heading + carried))
-    roll, pitch = np.zeros(n), np.zeros(n)
-    source = problem.run.imu or problem.run.accelerometer
-    if source is not None:
-        f = rover.levelling(source, time).force_b
-        ok = np.isfinite(f[:, 0])
-        roll = np.interp(time, time[ok], np.arctan2(-f[ok, 0], f[ok, 2]))
-        pitch = np.interp(time, time[ok], np.arctan2(f[ok, 1], np.hypot(f[ok, 0], f[ok, 2])))
-    R = rotation_of_angles(roll, pitch, angle - yaw)
-    middle = R[:-1] @ so3.exp(0.5 * so3.log(so3.transpose(R[:-1]) @ R[1:]))
-    steps = so3.mv(middle, rover.K_GUESS * sums.displacement)
-    foot = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
-    swing = so3.mv(R, sums.centroid_b)
-    calibration = np.tile(problem.layout.prior, (len(problem.nodes.segment_time), 1))
-    velocity = so3.mv(R, rover.K_GUESS * rover.origin_velocity(wheels, time))
-    return Estimate(R, velocity, foot - (swing - swing[0]), np.zeros(n), calibration)
-
-
-def build(
-    problem: RoverProblem, at: Estimate, found: list[rover_terrain.Track]
-) -> list[Factor]:
+def build(problem: RoverProblem, at: Estimate, found: list[rover_terrain.Track]) -> list[Factor]:
     """Every factor as a function of the estimate."""
     factors = [_constraints(problem), _wheels(problem)]
     factors.append(_level(problem) if problem.inc is None else _inertial(problem, at))
@@ -317,16 +240,3 @@ def _heading(problem: RoverProblem) -> Factor:
     value = seen.heading + rover.K_GUESS * turned
     sigma = np.full(len(value), rover.heading_sd(seen, wheels))
     return lambda x: [heading(value, sigma, node, x.R_nb, seen.time)]
-
-
-def dense_path(problem: RoverProblem, x: Estimate, time: Array) -> Path:
-    """The trajectory at any times between the nodes: cubic in position, constant rate in attitude."""
-    node_time = problem.nodes.time
-    i = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, len(node_time) - 2)
-    T = np.diff(node_time)[i][:, None]
-    s = (time - node_time[i])[:, None] / T
-    turn = so3.log(so3.transpose(x.R_nb[i]) @ x.R_nb[i + 1])
-    p0, p1, v0, v1 = x.p_n[i], x.p_n[i + 1], x.v_n[i] * T, x.v_n[i + 1] * T
-    p = p0 + s * v0 + s**2 * (3 * (p1 - p0) - 2 * v0 - v1) + s**3 * (2 * (p0 - p1) + v0 + v1)
-    v = v0 + 2 * s * (3 * (p1 - p0) - 2 * v0 - v1) + 3 * s**2 * (2 * (p0 - p1) + v0 + v1)
-    return Path(time, x.R_nb[i] @ so3.exp(s * turn), v / T, p)

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import rocker_bogie as rb
 from factors import so3
 from factors.block import Block, Index
 from factors.calibration import Layout
@@ -16,6 +15,7 @@ from graphnav.run import Array
 
 STEP = 0.05  # m, grid of the profiles
 EVERY = 2  # of the grid, ways at which the mismatch is looked at
+SIDES = ("left", "right")
 COHERENT = 0.6  # a mismatch above this share of the signal: the wheels do not share a profile
 LIKE_NOISE = 2.0  # neighbouring mismatches share their noise: their sigma is raised by this
 LEAST = 1e-4  # m
@@ -60,7 +60,8 @@ def _track(wheels: Wheels, nodes: Nodes, up: Array, side: int, k: Array) -> Trac
     at = grid[(grid > margin) & (grid < grid[-1] - margin)][::EVERY]
 
     def over_window(value: Array) -> Array:
-        return np.interp(at + margin, increasing, value) - np.interp(at - margin, increasing, value)
+        ahead, behind = (np.interp(at + m, increasing, value) for m in (margin, -margin))
+        return np.asarray(ahead - behind)
 
     at_time = np.interp(at, increasing, time)
     forward = np.abs(over_window(back)) < 0.02
@@ -69,7 +70,7 @@ def _track(wheels: Wheels, nodes: Nodes, up: Array, side: int, k: Array) -> Trac
     at, at_time, offset = at[keep], at_time[keep], (0.5 * curvature * profile.reach**2)[keep]
     interval = np.clip(np.searchsorted(nodes.time, at_time) - 1, 0, len(nodes.segment) - 1)
     segment = nodes.segment[interval]
-    return _weighed(Track("left right".split()[side], profile, at, at_time, segment, offset, at), k)
+    return _weighed(Track(SIDES[side], profile, at, at_time, segment, offset, at), k)
 
 
 def _gridded(grid: Array, way: Array, height: Array) -> Array:

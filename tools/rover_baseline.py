@@ -1,4 +1,4 @@
-"""The source's own rover estimator (C1-C7), for comparison: plain means, clipped k_s, integration."""
+"""The source's own rover estimator (C1-C7): plain means, clipped k_s, integration."""
 
 from dataclasses import dataclass
 

@@ -6,6 +6,7 @@ on the rotating ellipsoid (`inertial`, `ellipsoid`), seen by sensors (`grades`, 
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 from graphnav.errors import InputError
@@ -29,10 +30,26 @@ def _recorded(options: Options, drive: Callable[[Options], Driven]) -> Recording
     return record(drive(options), options)
 
 
+def _rover(options: Options) -> Recording:
+    """Methods C; its own motion and sensors, kept apart for their size. A grade fits gyros."""
+    from graphnav.simulation import rover, rover_sensors
+
+    conditions = rover_sensors.Conditions()
+    if options.duration is not None:
+        conditions = replace(conditions, duration=options.duration)
+    made = rover.simulate(options.seed, conditions)
+    return Recording(made.run, made.truth, made.vehicle, {"seed": options.seed})
+
+
+def _grade(name: str) -> Grade:
+    if name not in GRADES:
+        raise InputError(f"IMU grade '{name}' is unknown: use {', '.join(GRADES)}")
+    return GRADES[name]
+
+
 SCENARIOS: dict[str, Callable[[Options], Recording]] = {
-    name: lambda options, drive=drive: _recorded(options, drive)  # type: ignore[misc]
-    for name, drive in DRIVES.items()
-}
+    name: lambda options, drive=drive: _recorded(options, drive) for name, drive in DRIVES.items()
+} | {"rover": _rover}
 
 
 def simulate(

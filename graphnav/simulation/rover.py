@@ -17,6 +17,7 @@ from factors import rocker_bogie as rb
 from graphnav.earth import Origin
 from graphnav.simulation import rover_ground as ground
 from graphnav.simulation import rover_sensors as sensors
+from graphnav.simulation.grades import DEG_H, DEG_SQRT_H, Grade
 from graphnav.simulation.rover_sensors import GEAR_DT, IMU_DT, Conditions, Motion
 
 Array = NDArray[np.float64]
@@ -47,6 +48,16 @@ class Simulated:
         (out / "vehicle.toml").write_text(self.vehicle)
 
 
+def with_gyro(c: Conditions, grade: Grade) -> Conditions:
+    """The same ground with gyros of a grade fitted."""
+    return replace(
+        c,
+        gyro=True,
+        gyro_bias=grade.gyro_bias_deg_h * DEG_H,
+        gyro_noise=grade.gyro_noise_deg_sqrt_h * DEG_SQRT_H,
+    )
+
+
 def simulate(seed: int, conditions: Conditions | None = None) -> Simulated:
     """One run; the same seed and conditions give the same files."""
     c = conditions or Conditions()
@@ -75,6 +86,8 @@ def drive(rng: np.random.Generator, c: Conditions) -> Motion:
     pose = ground.settle(LINKAGE, surface, en, heading)
     drift_n = sideways[:, None] * pose.R_nb[:, :, 0]
     joints, rolling, link_turn = _wheels(time, pose, drift_n)
+    skewed = ground.random_field(rng, 1.0, 5.0, 0.5).value(pose.wheels_n[..., :2])
+    joints = replace(joints, steer=joints.steer + c.side_slip_spread * skewed)
     slip = _slip(rng, c, pose)
     wheel = rolling / (1 - slip) + link_turn
     return Motion(
@@ -90,7 +103,7 @@ def drive(rng: np.random.Generator, c: Conditions) -> Motion:
 
 
 def plan(rng: np.random.Generator, time: Array) -> tuple[Array, Array]:
-    """Speed (N,) m/s and yaw rate (N,) rad/s, left positive: stops, straights, arcs, point turns."""
+    """Speed (N,) m/s and yaw rate (N,) rad/s, left positive: stops, straights, turns."""
     legs = [(40.0, 0.0, 0.0)]  # seconds, speed, yaw rate
     while sum(leg[0] for leg in legs) < time[-1] - 20.0:
         kind = rng.choice(["straight", "arc", "turn", "stop"], p=[0.40, 0.42, 0.09, 0.09])

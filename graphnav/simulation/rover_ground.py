@@ -1,4 +1,4 @@
-"""Uneven ground under a rocker-bogie rover: random fields and the pose that touches it with six wheels."""
+"""Uneven ground under a rocker-bogie rover: random fields, and the pose on it."""
 
 from dataclasses import dataclass
 

@@ -28,6 +28,7 @@ class Conditions:
     slip: float = 0.2  # greatest slip of the ground
     slip_spread: float = 0.02  # of single wheels about it
     side_slip: float = 0.15  # sideways drift per speed and sine of the roll angle
+    side_slip_spread: float = 0.005  # rad, of single wheels against their steered direction
     episodes: int = 4  # spells of one wheel spinning or blocked
     joint_noise: float = 0.0005  # rad
     joint_offset: float = 0.001  # rad
@@ -94,8 +95,8 @@ def imu(rng: np.random.Generator, c: Conditions, m: Motion, origin: Origin) -> p
 
 
 def sun(rng: np.random.Generator, c: Conditions, m: Motion) -> pd.DataFrame:
-    """`heading_deg` in spells of one to ten minutes, `c.sun_share` of the time in all."""
-    spells = rng.uniform(60, 600, 2 * int(c.duration / 600 + 2))
+    """`heading_deg` in spells of about one to five minutes, `c.sun_share` of the time in all."""
+    spells = rng.uniform(40, 300, 2 * int(c.duration / 340 + 1))
     spells[::2] *= c.sun_share / spells[::2].sum()
     spells[1::2] *= (1 - c.sun_share) / spells[1::2].sum()
     ends = np.cumsum(spells) * c.duration

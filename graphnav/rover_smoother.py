@@ -1,0 +1,137 @@
+"""A rover run from wheels to estimate: first guess, rounds of solving, the path between nodes."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from factors import so3
+from factors import wheel_velocity as wv
+from factors.calibration import Layout
+from factors.weights import Robust
+from graphnav import rover, rover_terrain
+from graphnav.angles import rotation_of_angles
+from graphnav.densify import Path
+from graphnav.elimination import Covariances, covariances
+from graphnav.estimate import Estimate
+from graphnav.rover_problem import RoverProblem, build, prepare
+from graphnav.run import Array, Run
+from graphnav.solve import FINE, ROUGH, Solution, gauss_newton
+from graphnav.vehicle import Vehicle
+
+LEARN_WAY = 30.0  # m driven before the ground's statistics are learnt
+
+ROBUST = {
+    "heading": Robust("igg3", 2.5, 8.0),
+    "level": Robust("igg3", 2.5, 8.0),
+    "wheel_displacement": Robust("huber", 2.5),
+    "wheel_yaw": Robust("huber", 2.5),
+    "terrain_slip": Robust("igg3", 2.5, 8.0),
+}
+CONVEX = {kind: Robust("huber", 2.0) for kind in ROBUST}
+
+
+@dataclass(frozen=True)
+class RoverSolution:
+    """The smoothed rover."""
+
+    problem: RoverProblem
+    solution: Solution
+    covariances: Covariances
+
+    @property
+    def estimate(self) -> Estimate:
+        """States of all nodes and calibrations."""
+        return self.solution.estimate
+
+
+def smooth_rover(run: Run, vehicle: Vehicle) -> RoverSolution:
+    """Solve a rover run: convex weights first; then the ground's profile and statistics join in."""
+    problem = prepare(run, vehicle)
+    estimate = first_guess(problem)
+    found: list[rover_terrain.Track] = []
+    for robust in (CONVEX, CONVEX, ROBUST):
+        factors = build(problem, estimate, found)
+        solution = gauss_newton(
+            lambda x: [b for f in factors for b in f(x)],  # noqa: B023  called at once
+            estimate,
+            problem.chain,
+            robust,
+            FINE if robust is ROBUST else ROUGH,
+        )
+        estimate = solution.estimate
+        if robust is not ROBUST:
+            path = dense_path(problem, estimate, problem.wheels.time)
+            k = estimate.calibration[:, problem.layout.column("slip_coefficient")]
+            found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
+            problem = learnt(problem, estimate, covariances(solution.bayes_net, problem.chain))
+    return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain))
+
+
+def learnt(problem: RoverProblem, x: Estimate, known: Covariances) -> RoverProblem:
+    """The ground's statistics from what was found of it: one step of expectation maximisation.
+
+    How far the slip coefficient and the yaw slip stray is a property of the ground under this run;
+    mean and spread of each are those of its estimated values plus their covariances.
+    """
+    path = np.interp(problem.nodes.segment_time, problem.wheels.time, problem.wheels.path)
+    weight = np.maximum(np.gradient(path), 0.0) if len(path) > 1 else np.ones(1)
+    if weight.sum() < LEARN_WAY:
+        return problem
+    updated = []
+    for w in problem.wandering:
+        at = problem.layout.column(w.component.name)
+        value, variance = x.calibration[:, at], known.calibration[:, at, at]
+        mean = w.component.prior[0]
+        if w.component.name == "slip_coefficient":
+            mean = np.average(value, weights=weight)
+        sd = np.sqrt(np.average((value - mean) ** 2 + variance, weights=weight))
+        if w.component.name != "side_slip":  # nothing observes it
+            w = wv.Wandering(
+                replace(w.component, prior=np.array([mean]), sd=np.array([sd])), w.length
+            )
+        updated.append(w)
+    named = {w.component.name: w.component for w in updated}
+    layout = Layout(tuple(named.get(c.name, c) for c in problem.layout.components))
+    return replace(problem, layout=layout, wandering=tuple(updated))
+
+
+def first_guess(problem: RoverProblem) -> Estimate:
+    """Level from the accelerometer, heading from the sensor and the wheels, dead reckoning."""
+    time, n = problem.nodes.time, len(problem.nodes.time)
+    wheels, sums = problem.wheels, problem.sums
+    yaw = rover.K_GUESS * np.concatenate([[0.0], np.cumsum(sums.yaw)])
+    start_R = problem.start.R_nb
+    known = float(np.arctan2(start_R[0, 1], start_R[1, 1]))
+    angle = np.full(n, known)
+    seen = problem.run.heading
+    if seen is not None:
+        carried = np.interp(seen.time, time, yaw)
+        angle = np.interp(time, seen.time, np.unwrap(seen.heading + carried))
+    roll, pitch = np.zeros(n), np.zeros(n)
+    source = problem.run.imu or problem.run.accelerometer
+    if source is not None:
+        f = rover.levelling(source, time).force_b
+        ok = np.isfinite(f[:, 0])
+        roll = np.interp(time, time[ok], np.arctan2(-f[ok, 0], f[ok, 2]))
+        pitch = np.interp(time, time[ok], np.arctan2(f[ok, 1], np.hypot(f[ok, 0], f[ok, 2])))
+    R = rotation_of_angles(roll, pitch, angle - yaw)
+    middle = R[:-1] @ so3.exp(0.5 * so3.log(so3.transpose(R[:-1]) @ R[1:]))
+    steps = so3.mv(middle, rover.K_GUESS * sums.displacement)
+    foot = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    swing = so3.mv(R, sums.centroid_b)
+    calibration = np.tile(problem.layout.prior, (len(problem.nodes.segment_time), 1))
+    velocity = so3.mv(R, rover.K_GUESS * rover.origin_velocity(wheels, time))
+    return Estimate(R, velocity, foot - (swing - swing[0]), np.zeros(n), calibration)
+
+
+def dense_path(problem: RoverProblem, x: Estimate, time: Array) -> Path:
+    """The path at any times: between nodes cubic in position, constant rate in attitude."""
+    node_time = problem.nodes.time
+    i = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, len(node_time) - 2)
+    T = np.diff(node_time)[i][:, None]
+    s = (time - node_time[i])[:, None] / T
+    turn = so3.log(so3.transpose(x.R_nb[i]) @ x.R_nb[i + 1])
+    p0, p1, v0, v1 = x.p_n[i], x.p_n[i + 1], x.v_n[i] * T, x.v_n[i + 1] * T
+    p = p0 + s * v0 + s**2 * (3 * (p1 - p0) - 2 * v0 - v1) + s**3 * (2 * (p0 - p1) + v0 + v1)
+    v = v0 + 2 * s * (3 * (p1 - p0) - 2 * v0 - v1) + 3 * s**2 * (2 * (p0 - p1) + v0 + v1)
+    return Path(time, x.R_nb[i] @ so3.exp(s * turn), v / T, p)
