@@ -38,7 +38,7 @@ def _rover(options: Options) -> Recording:
     if options.duration is not None:
         conditions = replace(conditions, duration=options.duration)
     made = rover.simulate(options.seed, conditions)
-    return Recording(made.run, made.truth, made.vehicle, {"seed": options.seed})
+    return Recording(made.run.round(10), made.truth.round(10), made.vehicle, {"seed": options.seed})
 
 
 def _grade(name: str) -> Grade:

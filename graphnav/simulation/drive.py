@@ -45,7 +45,7 @@ class Setup:
     @property
     def lever(self) -> Array:
         """True lever arm (3,) m."""
-        return np.asarray(self.nominal_lever) + np.asarray(self.lever_error)
+        return np.add(self.nominal_lever, self.lever_error)
 
 
 @dataclass(frozen=True)
@@ -97,5 +97,5 @@ def follow(seed: int, setup: Setup, commands: Commands, sideways: Array, upward:
     lat, lon, height = setup.start
     body = Body(np.array([np.radians(lat), np.radians(lon), height]), mount, setup.lever)
     v_m = np.stack([sideways, commands.speed, upward], -1)
-    R_nm = inertial.attitude(roll, pitch, heading)
-    return inertial.truth(commands.time, R_nm, v_m, body, EVERY)
+    R_nb = inertial.attitude(roll, pitch, heading)
+    return inertial.truth(commands.time, R_nb, v_m, body, EVERY)

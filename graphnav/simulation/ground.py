@@ -7,13 +7,13 @@ import numpy as np
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.legs import Commands
 
-WAVES = 5  # per angle
+WAVES = 3  # per angle
 WAVELENGTH = (45.0, 400.0)  # m
 
 
 @dataclass(frozen=True)
 class Roughness:
-    """One sigma of the slopes [rad] along and across the path, and of the shaking rate [rad/s]."""
+    """One sigma of the IMU's tilt [rad] along and across the path, and of its shaking [rad/s]."""
 
     pitch: float
     roll: float
@@ -35,7 +35,7 @@ def tilt(rng: np.random.Generator, rough: Roughness, drive: Commands) -> tuple[A
 
 
 def _waves(rng: np.random.Generator, distance: Array, sigma: float) -> Array:
-    lengths = np.exp(rng.uniform(*np.log(WAVELENGTH), WAVES))
+    lengths = np.exp(rng.uniform(np.log(WAVELENGTH[0]), np.log(WAVELENGTH[1]), WAVES))
     share = rng.uniform(0.6, 1.4, WAVES)
     share *= sigma * np.sqrt(2 / np.sum(share**2))
     out = np.zeros(len(distance))

@@ -8,6 +8,7 @@ integrating anything, so strapdown integration of the samples returns to the nod
 from dataclasses import dataclass
 
 import numpy as np
+
 from graphnav.simulation import ellipsoid
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.rotation import Rotations, about
@@ -42,21 +43,20 @@ class Truth:
         heading = np.arctan2(R[:, 0, 1], R[:, 1, 1])
         out = np.degrees(np.stack([roll, pitch, heading], -1))
         out[:, 2] %= 360
-        return out
+        return np.asarray(out)
 
 
 def attitude(roll: Array, pitch: Array, heading: Array) -> Rotations:
-    """`R_nm` (N) of angles in rad: heading clockwise from north, pitch nose up, roll right down."""
+    """`R_nb` (N) of angles in rad: heading clockwise from north, pitch nose up, roll right down."""
     return about("z", -heading) * about("x", pitch) * about("y", roll)
 
 
-def truth(time: Array, R_nm: Rotations, v_m: Array, body: Body, every: int) -> Truth:
-    """The IMU's truth for a vehicle point moving at `v_m` (M, 3) m/s with attitude `R_nm` (M).
+def truth(time: Array, R_nb: Rotations, v_m: Array, body: Body, every: int) -> Truth:
+    """The IMU's truth for a vehicle point moving at `v_m` (M, 3) m/s, an IMU turned by `R_nb` (M).
 
     `time` (M,) is the internal grid; `every` internal steps make one sample, M = N * every + 1.
     """
     dt = float(time[1] - time[0])
-    R_nb = R_nm * body.R_bm.inverse()
     w_b = _node_rate(R_nb, dt)
     v_n = R_nb.apply(body.R_bm.apply(v_m) - np.cross(w_b, body.lever_b))
     lla = ellipsoid.geodetic(body.lla, v_n, dt)
@@ -71,7 +71,7 @@ def _node_rate(R_nb: Rotations, dt: float) -> Array:
     """Rate of b against n at the nodes (M, 3) rad/s: the mean of the two steps beside each."""
     step = (R_nb[:-1].inverse() * R_nb[1:]).rotvec() / dt
     ends = np.concatenate([step[:1], step, step[-1:]])
-    return 0.5 * (ends[1:] + ends[:-1])
+    return np.asarray(0.5 * (ends[1:] + ends[:-1]))
 
 
 def _samples(

@@ -14,11 +14,12 @@ from graphnav.simulation.legs import Commands, Leg, commands, cut, eased
 DURATION = 4000.0  # s
 GAUGE, CONTACT, LOW_GEAR = 2.80, 3.84, 1.42  # B m, L m, ratio
 R_ARC = 1.549 * 2.88 * GAUGE  # m, A13
+FAST_SHARE = 0.3  # of the manoeuvres are followed by a fast straight
 R_PIVOT = 1.531 * GAUGE / 2  # m, A9
 STANDSTILL = 120.0  # s, before the first move
 SPEED_EASE, YAW_EASE, GEAR_EASE = 0.9, 0.28, 0.2  # s
 DECK = (
-    *("arc",) * 4, "separated", "separated", "pivot", "pivot_low", "separated_low",
+    *("arc",) * 6, "separated", "separated", "pivot", "pivot_low", "separated_low",
     "low", "stop", "stop", "stop", "large",
 )  # fmt: skip
 VEHICLE = f"""[vehicle]
@@ -95,7 +96,7 @@ def _legs(rng: np.random.Generator) -> Iterator[Leg]:
     while True:
         for name in rng.permutation(DECK):
             yield from _manoeuvre(rng, str(name))
-            if rng.random() < 0.4:
+            if rng.random() < FAST_SHARE:
                 yield Leg(rng.uniform(60, 170), rng.uniform(7, 13.9), 0.0, "straight_high")
 
 

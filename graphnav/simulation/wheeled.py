@@ -13,6 +13,8 @@ from graphnav.simulation.legs import Commands, Leg, commands, cut
 SPEED_EASE, YAW_EASE = 3.0, 0.8  # s
 VEHICLE = '[vehicle]\nkind = "wheeled"\n'
 EPISODE_EVERY = 1500.0 / 4  # s, of the unlisted ones
+KINDS = ("side_slip", "hop", "wheel_spin", "wheel_lock")
+SHARES = (0.4, 0.2, 0.2, 0.2)
 LISTED = (Event(400.0, 405.0, "side_slip", 5.0), Event(900.0, 905.0, "hop", 5.0))
 
 
@@ -74,21 +76,21 @@ def episodes(rng: np.random.Generator, duration: float) -> tuple[Event, ...]:
     found = [event for event in LISTED if event.end < duration]
     free = [
         start
-        for start in 140.0 + np.arange(0.0, max(duration - 180.0, 0.0), CAR.cadence)
+        for start in np.arange(140.0, duration - 40.0, CAR.cadence).tolist()
         if all(abs(start + 25.0 - event.start) > 40.0 for event in LISTED)
     ]
     count = min(round(duration / EPISODE_EVERY), len(free))
     for cell in rng.choice(free, count, replace=False):
-        start = round(cell + rng.uniform(18.0, 32.0), 2)
-        kind = str(rng.choice(["side_slip", "hop", "wheel_spin", "wheel_lock"]))
-        seconds = rng.uniform(1.5, 3.0)
+        start = round(float(cell + rng.uniform(18.0, 32.0)), 2)
+        kind = str(rng.choice(KINDS, p=SHARES))
+        seconds = float(rng.uniform(1.5, 3.0))
         peak = {
             "side_slip": rng.uniform(1.0, 2.0) * rng.choice([-1.0, 1.0]),
             "hop": rng.uniform(1.0, 2.0),
             "wheel_spin": rng.uniform(2.0, 5.0),
             "wheel_lock": -np.inf,
         }[kind]
-        found.append(Event(start, round(start + seconds, 2), kind, peak))
+        found.append(Event(start, round(start + seconds, 2), kind, float(peak)))
     return tuple(sorted(found, key=lambda event: event.start))
 
 
