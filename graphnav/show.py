@@ -28,9 +28,9 @@ def open_viewer(directory: Path) -> str:
         rebuild(directory)
     if not has_display():
         return (
-            f"no display here: copy {path} to a machine with a screen and run `rerun run.rrd`, or run "
-            f"`rerun --serve-web --bind 127.0.0.1 {path}` and forward ports 9090 and 9876 with ssh -L "
-            "(the web viewer, unlike the native one, cannot be kept from calling its makers)"
+            f"no display here: copy {path} to a machine with a screen and run `rerun run.rrd`, or "
+            f"run `rerun --serve-web --bind 127.0.0.1 {path}` and forward ports 9090 and 9876 with "
+            "ssh -L (the web viewer, unlike the native one, cannot be kept from calling its makers)"
         )
     subprocess.Popen([_viewer(), str(path)], start_new_session=True)
     return f"opened {path} in the rerun viewer (`rerun analytics disable` keeps it quiet)"
