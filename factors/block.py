@@ -36,6 +36,7 @@ class Block:
     residual: Array  # (n, r), whitened
     terms: tuple[Term, ...]
     robust: bool = False  # whether its rows may be down-weighted
+    sigma: Array | None = None  # (n, r), what a whitened residual of 1 is in the factor's unit
 
     def weighted(self, weight: Array) -> "Block":
         """The same block with every row scaled by the root of its weight (n, r)."""

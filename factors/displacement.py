@@ -166,6 +166,7 @@ def displacement(
             Term("c", segment, J_c * white[:, :, None]),
         ),
         robust=True,
+        sigma=correction.sigma,
     )
 
 

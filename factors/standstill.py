@@ -23,7 +23,7 @@ AXES = ("theta_x", "theta_y", "theta_z", "v_e", "v_n", "v_u", "p_e", "p_n", "p_u
 class StandstillNoise:
     """How still a standing vehicle is, one sigma over an interval."""
 
-    rotation: float  # rad
+    rotation: Array  # (3,) rad, body axes
     velocity: float  # m/s
     position: float  # m
 
@@ -41,7 +41,8 @@ def standstill(
     J_i[:, 0:3, ROTATION], J_j[:, 0:3, ROTATION] = -Jr @ so3.transpose(E), Jr
     J_j[:, 3:6, VELOCITY] = np.eye(3)
     J_i[:, 6:9, POSITION], J_j[:, 6:9, POSITION] = -np.eye(3), np.eye(3)
-    white = 1 / np.repeat([noise.rotation, noise.velocity, noise.position], 3)
+    sigma = [noise.rotation, np.full(3, noise.velocity), np.full(3, noise.position)]
+    white = 1 / np.concatenate(sigma)
     return Block(
         kind="standstill",
         axes=AXES,

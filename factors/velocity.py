@@ -62,4 +62,5 @@ def velocity(
             Term("c", segment, J_c * white[:, :, None]),
         ),
         robust=True,
+        sigma=sigma,
     )

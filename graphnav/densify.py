@@ -22,6 +22,18 @@ class Path:
     v_n: Array  # (M + 1, 3) m/s
     p_n: Array  # (M + 1, 3) m
 
+    def at(self, time: Array) -> tuple[Array, Array, Array]:
+        """Attitude, velocity, position at any times (n,) s: Hermite between edges."""
+        k = np.clip(np.searchsorted(self.time, time, side="right") - 1, 0, len(self.time) - 2)
+        T = self.time[k + 1] - self.time[k]
+        s = ((time - self.time[k]) / T)[:, None]
+        turn = so3.log(so3.transpose(self.R_nb[k]) @ self.R_nb[k + 1])
+        v_i, v_j = self.v_n[k], self.v_n[k + 1]
+        p_i, p_j = self.p_n[k], self.p_n[k + 1]
+        a, b = s * s * (3 - 2 * s), s * (1 - s)
+        p = p_i + a * (p_j - p_i) + T[:, None] * b * ((1 - s) * v_i - s * v_j)
+        return self.R_nb[k] @ so3.exp(s * turn), v_i + s * (v_j - v_i), p
+
 
 def densify(
     inc: Increments, pre: Preintegrated, nodes: Nodes, estimate: Estimate, origin: Origin

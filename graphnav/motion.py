@@ -73,17 +73,22 @@ def _phase(nodes: Nodes, pulse: float) -> Factor:
 def _displacements(
     prep: Prepared, nodes: Nodes, sums: OdometerSums, state: States, on: Index, scales: Scales
 ) -> Factor:
+    assert prep.run.odometer is not None
     columns, layout = calibrations.columns(prep.layout), prep.layout
     roll = float(prep.vehicle.odometer.mount_b[1])
     names = driven(prep, state[on])
-    rate_sigma = _sigma(prep, names, scales, "displacement")
+    T = np.diff(nodes.time)[on]
+    sigma = _sigma(prep, names, scales, "displacement") * np.sqrt(T)[:, None]
+    # pulses come late by up to one: while the vehicle turns that is a step aside
+    turn = np.linalg.norm(so3.log(sums.R_mid[on]), axis=1) * 2
+    sigma[:, 0] = np.hypot(sigma[:, 0], prep.run.odometer.pulse / np.sqrt(12) * turn)
     reading = Reading(
         forward=_column(prep, names, "factor"),
         gauge=_column(prep, names, "half_gauge"),
         lateral=_column(prep, names, "kappa") * prep.vehicle.body.contact_length,
         forward_column=np.array([layout.column(f"forward:{s}") for s in names], np.int64),
         lateral_column=np.array([layout.column(f"lateral:{s}") for s in names], np.int64),
-        sigma=rate_sigma * np.sqrt(np.diff(nodes.time)[on])[:, None],
+        sigma=sigma,
     )
     picked = sums.of(on)
     seg, time = nodes.segment[on], nodes.time[on + 1]

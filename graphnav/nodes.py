@@ -3,11 +3,13 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from factors.block import Index
 from graphnav.run import Array
 
 INTERVAL_S = 1.0
+REST_INTERVAL_S = 10.0  # nodes inside a standstill: rocking is bounded, so few and long intervals
 CLOSEST_S = 0.25  # a grid node this close to an event gives way
 SEGMENT_S = 10.0  # length of a calibration segment
 
@@ -23,21 +25,25 @@ class Nodes:
 
 
 def place_nodes(
-    edges: Array, events: Array, extra: Array, interval: float = INTERVAL_S
+    edges: Array, events: Array, extra: Array, rests: Array, interval: float = INTERVAL_S
 ) -> Nodes:
     """Nodes every `interval`, at `events` (standstill edges, state boundaries) and near `extra`.
 
     `edges` (M + 1,) s; `events` are kept always, `extra` (fixes) where no event is closer than
-    `CLOSEST_S`, grid nodes where neither is.
+    `CLOSEST_S`, grid nodes where neither is. Inside `rests` (K, 2) s there are only a few.
     """
     last = len(edges) - 1
+    grid = np.arange(edges[0], edges[-1], interval)
+    resting = _inside(grid, rests)
+    coarse = np.concatenate([np.arange(a, b, REST_INTERVAL_S) for a, b in rests] or [grid[:0]])
+    extra = extra[~_inside(extra, rests)]
 
     def nearest(times: Array) -> Index:
         right = np.clip(np.searchsorted(edges, times), 1, last)
         return right - (times - edges[right - 1] < edges[right] - times)
 
     chosen = np.unique(np.concatenate([[0, last], nearest(events)]))
-    for candidates in (nearest(extra), nearest(np.arange(edges[0], edges[-1], interval))):
+    for candidates in (nearest(coarse), nearest(extra), nearest(grid[~resting])):
         chosen = _with_room(chosen, np.unique(candidates), edges, min(CLOSEST_S, interval / 2))
     time = edges[chosen]
     segment = np.floor((time[:-1] - time[0]) / SEGMENT_S).astype(np.int64)
@@ -45,6 +51,14 @@ def place_nodes(
     first = np.flatnonzero(np.diff(segment, prepend=-1))
     bounds = np.append(time[first], time[-1])
     return Nodes(chosen, time, segment, 0.5 * (bounds[1:] + bounds[:-1]))
+
+
+def _inside(times: Array, rests: Array) -> NDArray[np.bool_]:
+    """Whether each time lies strictly inside a rest."""
+    if not len(rests):
+        return np.zeros(len(times), bool)
+    at = np.clip(np.searchsorted(rests[:, 0], times, side="right") - 1, 0, None)
+    return (times > rests[at, 0]) & (times < rests[at, 1])
 
 
 def _with_room(chosen: Index, candidates: Index, edges: Array, room: float) -> Index:

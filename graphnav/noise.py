@@ -18,6 +18,7 @@ from graphnav.run import Array
 ENOUGH = 30  # residuals that make a group
 LEAST_REDUNDANCY = 0.05
 SMALLEST, LARGEST = 0.02, 30.0
+MOST_CORRELATED = 25.0  # of long-run over short-run variance: five times the sigma
 LAGS = {"displacement": 20, "velocity": 20, "gnss": 60}
 
 
@@ -62,7 +63,8 @@ def correlation(x: Array, lags: int) -> float:
     spectrum = np.abs(np.fft.rfft(x, size)) ** 2
     auto = np.fft.irfft(spectrum, size)[: lags + 1] / n
     taper = 1 - np.arange(1, lags + 1) / (lags + 1)
-    return max(1.0, float(1 + 2 * np.sum(taper * auto[1:]) / max(auto[0], 1e-12)))
+    ratio = 1 + 2 * np.sum(taper * auto[1:]) / max(auto[0], 1e-12)
+    return float(np.clip(ratio, 1.0, MOST_CORRELATED))
 
 
 def _redundancy(block: Block, joints: Joints) -> Array:

@@ -1,7 +1,7 @@
 """Everything a solution needs that does not change between rounds."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from graphnav.alignment import Alignment, align
 from graphnav.corrections import Correction, VehicleParams, correction_table
 from graphnav.earth import G_STANDARD
 from graphnav.errors import InputError
-from graphnav.increments import increments
+from graphnav.increments import GRID_S, increments
 from graphnav.run import Array, Gnss, Run
 from graphnav.standstill import Mask, spans, standing
 from graphnav.vehicle import Vehicle
@@ -26,7 +26,8 @@ STANDING_START_S = 3.0  # a rest at least this long, begun in the first seconds,
 class Prepared:
     """A run ready to be smoothed."""
 
-    run: Run
+    recorded: Run  # as read
+    run: Run  # with the fixes in use only
     vehicle: Vehicle
     inc: Increments
     noise: InertialNoise
@@ -39,13 +40,15 @@ class Prepared:
     fixes_n: Array  # (F, 3) m, the fixes in use, in n
 
 
-def prepare(run: Run, vehicle: Vehicle, *, use_gnss: bool, outages: Outages) -> Prepared:
+def prepare(
+    run: Run, vehicle: Vehicle, *, use_gnss: bool, outages: Outages, rate_hz: float = 10.0
+) -> Prepared:
     """Increments, standstill, alignment and calibration layout of a run."""
     if run.imu is None:
         raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
-    inc = increments(run.imu)
+    inc = increments(run.imu, min(GRID_S, 1 / rate_hz))
     gnss = _in_use(run, outages) if use_gnss and vehicle.gnss.use else None
-    used = Run(**{**run.__dict__, "gnss": gnss})
+    used = replace(run, gnss=gnss)
     still = standing(inc, run.odometer)
     rests = spans(still, inc.edge)
     alignment = align(used, vehicle, inc, standing_start(rests, inc))
@@ -62,7 +65,7 @@ def prepare(run: Run, vehicle: Vehicle, *, use_gnss: bool, outages: Outages) -> 
         )
     layout = calibrations.layout(vehicle, table)
     return Prepared(
-        used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes
+        run, used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes
     )
 
 

@@ -18,9 +18,11 @@ from graphnav.estimate import Estimate
 from graphnav.motion import Factor, Scales, States, motion_factors
 from graphnav.nodes import Nodes, nearest_node
 from graphnav.preparation import Prepared
+from graphnav.standstill import rocking
 from graphnav.timeline import Timeline
 
-STILL_ROTATION, STILL_VELOCITY, STILL_POSITION = 0.5, 2e-3, 1e-3  # of the gyro noise; m/s; m
+STILL_VELOCITY, STILL_POSITION = 2e-3, 1e-3  # m/s, m
+STILL_ROTATION = 1e-9  # rad, at least
 FIX_REACH_S = 0.3  # a fix further from every node is left out
 FIX_SD = 0.05  # m, no fix is believed further
 HEADING_SD = np.deg2rad(1.0)
@@ -97,9 +99,8 @@ def _inertial(prep: Prepared, nodes: Nodes, pre: Preintegrated) -> Factor:
 
 
 def _standstill(prep: Prepared, nodes: Nodes, resting: Index) -> Factor:
-    noise = StandstillNoise(
-        max(STILL_ROTATION * prep.noise.gyro, 1e-9), STILL_VELOCITY, STILL_POSITION
-    )
+    rotation = np.sqrt(2) * rocking(prep.inc, prep.rests) + STILL_ROTATION
+    noise = StandstillNoise(rotation, STILL_VELOCITY, STILL_POSITION)
     time = nodes.time[resting + 1]
     return lambda x: (
         [standstill(resting, x.R_nb, x.v_n, x.p_n, time, noise)] if len(resting) else []

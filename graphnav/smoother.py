@@ -54,6 +54,8 @@ class Smoothed:
     timeline: Timeline
     covariances: Covariances
     reckoned: Path  # plain dead reckoning
+    path: Path  # dense, smoothed
+    scales: dict[str, float]  # noise found over noise assumed
     iterations: int
     rounds: int
 
@@ -96,7 +98,7 @@ def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoo
         timeline = again
         scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
     return Smoothed(
-        prep, problem, solution, timeline, found, reckoned, iterations, round_
+        prep, problem, solution, timeline, found, reckoned, path, scales, iterations, round_
     )
 
 
@@ -130,7 +132,7 @@ def _nodes(prep: Prepared, boundaries: Array) -> Nodes:
         if sensor is not None:
             slot = np.floor(sensor.time / FIX_SPACING_S)
             extra = np.concatenate([extra, sensor.time[np.unique(slot, return_index=True)[1]]])
-    return place_nodes(edges, events, extra)
+    return place_nodes(edges, events, extra, prep.rests)
 
 
 def _densified(prep: Prepared, nodes: Nodes, estimate: Estimate) -> Path:

@@ -44,6 +44,24 @@ def spans(mask: Mask, edge: Array) -> Array:
     return np.stack([edge[np.flatnonzero(change == 1)], edge[np.flatnonzero(change == -1)]], -1)
 
 
+def rocking(inc: Increments, rests: Array) -> Array:
+    """One sigma of the body's angle about its mean while it stands, by axis, (3,) rad.
+
+    The gyro's angle with its trend taken off: an idling engine shakes, wind and people rock, the
+    gyro's own random walk adds a little. The median over the rests.
+    """
+    found = []
+    for start, end in rests:
+        on = (inc.edge[:-1] >= start) & (inc.edge[1:] <= end)
+        angle = np.cumsum(inc.rotation[on][: round(60 / np.diff(inc.edge).mean())], 0)
+        if len(angle) > 10:
+            t = np.linspace(-1, 1, len(angle))
+            angle = angle - angle.mean(0)
+            trend = t[:, None] * (t @ angle) / (t @ t)
+            found.append((angle - trend).std(0))
+    return np.median(found, 0) if found else np.zeros(3)
+
+
 def _deviation(x: Array, width: int) -> Array:
     """Standard deviation of a vector (M, 3) over a centred window, norm over axes, (M,)."""
     centred = x - x.mean(0)

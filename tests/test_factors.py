@@ -199,7 +199,7 @@ def test_jacobians_of_the_plain_factors(seed: int) -> None:
     x.R_nb[2] = x.R_nb[1] @ so3.exp(0.3 * rng.normal(size=3))
     time = np.arange(4.0)
     lever = rng.normal(size=3)
-    noise = StandstillNoise(1e-3, 1e-2, 1e-2)
+    noise = StandstillNoise(np.array([1e-3, 2e-3, 3e-3]), 1e-2, 1e-2)
     at_nodes = np.array([0, 2])
     fixes, late = rng.normal(size=(2, 3)), np.array([0.01, -0.02])
     known = Start(x.R_nb[0] @ so3.exp(0.2 * rng.normal(size=3)), x.v_n[0], x.p_n[0], np.ones(9))
@@ -250,7 +250,7 @@ def test_zero_at_truth_of_the_plain_factors() -> None:
     azimuth = np.arctan2(forward[:, 0], forward[:, 1])
     known = Start(x.R_nb[0], x.v_n[0], x.p_n[0], np.ones(9))
     blocks = [
-        standstill(node, x.R_nb, x.v_n, x.p_n, time, StandstillNoise(1e-6, 1e-3, 1e-3)),
+        standstill(node, x.R_nb, x.v_n, x.p_n, time, StandstillNoise(np.full(3, 1e-6), 1e-3, 1e-3)),
         position(fix, np.ones((2, 3)), lever, np.zeros(2), node, x.R_nb, x.v_n, x.p_n, time),
         heading(azimuth + 2 * np.pi, np.full(2, 0.01), node, x.R_nb, time),
         start(known, x.R_nb[0], x.v_n[0], x.p_n[0], 0.0),

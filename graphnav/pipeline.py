@@ -1,0 +1,244 @@
+"""`graphnav smooth`: run file and vehicle file in, result directory out. Disk only at both ends."""
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from graphnav import tables, trajectory
+from graphnav.check import check
+from graphnav.progress import Stages
+from graphnav.read import read_run
+from graphnav.run import Run
+from graphnav.solved import Calibrated, Solved
+from graphnav.vehicle import Vehicle
+from graphnav.vehicle_file import load_vehicle
+from graphnav.writing import whole_directory
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+
+def smooth(
+    run_path: Path,
+    *,
+    vehicle_path: Path | None = None,
+    out: Path,
+    mode: str = "batch",
+    truth: Path | None = None,
+    rate_hz: float = 10.0,
+    rrd: bool = True,
+    report: bool = True,
+    outages: Sequence[tuple[float, float]] = (),
+    use_gnss: bool = True,
+    csv: bool = False,
+    lag: float | None = None,
+    progress: Stages | None = None,
+) -> None:
+    """Smooth one run and write its result directory; see interface.md for every option.
+
+    Raises `InputError` when the input or the options are at fault, `SolutionError` when the sensors
+    leave the solution undetermined.
+    """
+    told = progress or Stages(show=False)
+    told("reading")
+    vehicle = load_vehicle(vehicle_path, run_path)
+    run = read_run(run_path, vehicle)
+    reference = _truth(truth)
+    findings = check(run, vehicle, use_gnss)
+    solved = solve(run, vehicle, use_gnss, outages, rate_hz, told)
+    told("trajectory")
+    columns = trajectory.table(solved, rate_hz)
+    with whole_directory(out) as directory:
+        told("writing")
+        write(solved, columns, findings, reference, csv, directory, told)
+        _views(directory, rrd, report, told)
+        told.done()
+        _update_stages(directory, told)
+
+
+def solve(
+    run: Run,
+    vehicle: Vehicle,
+    use_gnss: bool,
+    outages: Sequence[tuple[float, float]],
+    rate_hz: float,
+    told: Stages,
+) -> Solved:
+    """The solver for this kind of vehicle and these sensors."""
+    if vehicle.kind == "rover" and run.rover is not None:
+        from graphnav import rover_smoother
+
+        return rover_smoother.smooth(run, vehicle, told)
+    from graphnav.finish import finish
+    from graphnav.preparation import prepare
+    from graphnav.smoother import smooth as smooth_prepared
+
+    told("preparing")
+    prep = prepare(run, vehicle, use_gnss=use_gnss, outages=outages, rate_hz=rate_hz)
+    return finish(smooth_prepared(prep, told))
+
+
+def write(
+    solved: Solved,
+    columns: dict[str, Any],
+    findings: list[str],
+    reference: "DataFrame | None",
+    csv: bool,
+    directory: Path,
+    told: Stages,
+) -> None:
+    """Every file of the result directory but the views made from them."""
+    import pandas as pd
+
+    table = pd.DataFrame(columns)
+    table.to_parquet(directory / "trajectory.parquet", index=False)
+    if csv:
+        table.to_csv(directory / "trajectory.csv", index=False)
+    tables.states(solved).to_csv(directory / "states.csv", index=False)
+    slips = tables.slips(solved, solved.rests)
+    tables.event_table(slips, solved.run.clock_start).to_csv(directory / "events.csv", index=False)
+    optional = {
+        "residuals": tables.residuals(solved),
+        "dead_reckoning": tables.reckoned(solved),
+        "odometer": tables.odometer(solved),
+        "gnss": tables.fixes(solved),
+        "truth": None if reference is None else tables.truth(solved, reference),
+    }
+    for name, frame in optional.items():
+        if frame is not None:
+            frame.to_parquet(directory / f"{name}.parquet", index=False)
+    comparison = None
+    if reference is not None:
+        from graphnav.compare import compare
+
+        told("comparing")
+        comparison = compare(table, reference).as_dict()
+    _write_json(directory / "calibration.json", calibration(solved))
+    said = summary(solved, table, findings, len(slips), comparison)
+    _write_json(directory / "summary.json", said)
+
+
+def calibration(solved: Solved) -> dict[str, Any]:
+    """calibration.json."""
+    return {c.name: _told(c, solved.run.clock_start) for c in solved.calibrated}
+
+
+def _told(c: Calibrated, clock: float) -> dict[str, Any]:
+    return {
+        "unit": c.unit,
+        "components": list(c.components),
+        "constant": c.constant,
+        "time": np.round(c.time + clock, 3).tolist(),
+        "value": c.value.tolist(),
+        "sd": c.sd.tolist(),
+        "prior": c.prior.tolist(),
+        "prior_sd": c.prior_sd.tolist(),
+        "observable": c.observable,
+    }
+
+
+def summary(
+    solved: Solved,
+    table: "DataFrame",
+    findings: list[str],
+    slips: int,
+    comparison: dict[str, Any] | None,
+) -> dict[str, Any]:
+    """summary.json, stages left out."""
+    origin = solved.origin
+    step = np.diff(table[["e", "n", "u"]].to_numpy(), axis=0)
+    quiet = np.hypot(table["v_e"], table["v_n"]).to_numpy()[1:] > 0.02
+    found = {
+        "graphnav": 1,
+        "run": str(solved.run.path),
+        "vehicle": solved.vehicle.body.name or solved.vehicle.kind,
+        "kind": solved.vehicle.kind,
+        "origin": {
+            "lat": float(np.rad2deg(origin.lat)),
+            "lon": float(np.rad2deg(origin.lon)),
+            "height": origin.height,
+        },
+        "duration_s": float(solved.path.time[-1] - solved.path.time[0]),
+        "distance_m": float(np.linalg.norm(step, axis=1)[quiet].sum()),
+        "states": {
+            name: {"count": count, "seconds": round(seconds, 3)}
+            for name, (count, seconds) in solved.timeline.totals().items()
+        },
+        "events": slips,
+        "solver": solved.solver,
+        "residuals": _residuals(solved),
+        "warnings": findings,
+        "verdicts": solved.verdicts,
+    }
+    if comparison is not None:
+        found["comparison"] = comparison
+        # interface.md names these at the top
+        found |= {k: comparison[k] for k in PROMISED}
+    return found
+
+
+PROMISED = (
+    "horizontal_rms_m",
+    "horizontal_max_m",
+    "horizontal_end_m",
+    "permille_of_distance",
+    "heading_rms_deg",
+    "nees_horizontal",
+)
+
+
+def _residuals(solved: Solved) -> dict[str, Any]:
+    """Root mean square of the whitened residuals and share of doubted rows, by factor kind."""
+    found = {}
+    for block, weight in zip(solved.blocks, solved.weights, strict=True):
+        if len(block.time):
+            found[block.kind] = {
+                "count": len(block.time),
+                "rms": float(np.sqrt(np.mean(weight * block.residual**2))),
+                "doubted": float(np.mean(weight < 0.5)),
+            }
+    return found
+
+
+def _views(directory: Path, rrd: bool, report: bool, told: Stages) -> None:
+    """run.rrd and report.html, from the files just written."""
+    if not (rrd or report):
+        return
+    from graphnav import results
+
+    loaded = results.load(directory)
+    if rrd:
+        told("recording")
+        from graphnav import recording
+
+        recording.write(loaded, directory / "run.rrd")
+    if report:
+        told("report")
+        from graphnav import report as page
+
+        page.write(loaded, directory / "report.html")
+
+
+def _update_stages(directory: Path, told: Stages) -> None:
+    """Seconds and memory by stage, once all of them have ended."""
+    path = directory / "summary.json"
+    said = json.loads(path.read_text(encoding="utf-8"))
+    said["stages"] = {name: round(seconds, 3) for name, seconds in told.seconds.items()}
+    said["stage_memory_mb"] = {name: round(mb, 1) for name, mb in told.memory_mb.items()}
+    said["peak_memory_mb"] = round(told.peak_memory_mb, 1)
+    _write_json(path, said)
+
+
+def _write_json(path: Path, content: dict[str, Any]) -> None:
+    path.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
+
+
+def _truth(path: Path | None) -> "DataFrame | None":
+    if path is None:
+        return None
+    from graphnav.truth import read_truth
+
+    return read_truth(path)
