@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factors import so3
+from graphnav.angles import rotation_of_angles
 from graphnav.earth import Origin
 from graphnav.errors import InputError
 
@@ -98,18 +99,9 @@ class Results:
     def R_nb(self) -> Array:
         """Attitude (N, 3, 3) in n; the angles in the file are told in the level frame on the spot."""
         angles = np.radians(columns(self.trajectory, "roll_deg", "pitch_deg", "heading_deg"))
-        return np.asarray(so3.transpose(self.origin.level_axes(self.p_n)) @ R_lb(*angles.T))
-
-
-def R_lb(roll: Array, pitch: Array, heading: Array) -> Array:
-    """Attitude in the local level frame (east-north-up) from angles [rad], (N,) -> (N, 3, 3).
-
-    Heading clockwise from north, pitch nose up, roll right side down positive.
-    """
-    zero = np.zeros_like(roll)
-    about_up = so3.exp(np.stack([zero, zero, -heading], -1))
-    about_right = so3.exp(np.stack([pitch, zero, zero], -1))
-    return np.asarray(about_up @ about_right @ so3.exp(np.stack([zero, roll, zero], -1)))
+        return np.asarray(
+            so3.transpose(self.origin.level_axes(self.p_n)) @ rotation_of_angles(*angles.T)
+        )
 
 
 def columns(frame: "DataFrame", *names: str) -> Array:

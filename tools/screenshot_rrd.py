@@ -14,6 +14,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +37,8 @@ def main() -> None:
 
 def shoot(recording: Path, picture: Path, at: float, size: str, settle: float) -> None:
     """Open `recording` in a viewer of its own and save its window as `picture` (PNG)."""
+    if not recording.is_file():
+        raise SystemExit(f"{recording}: no such file")
     port = _free_port()
     viewer = subprocess.Popen(_command(recording, size, port), env=_environment())
     try:
@@ -46,10 +49,11 @@ def shoot(recording: Path, picture: Path, at: float, size: str, settle: float) -
 
 
 def _command(recording: Path, size: str, port: int) -> list[str]:
-    import rerun_cli
-
+    package = find_spec("rerun_cli")
+    if package is None or package.origin is None:
+        raise SystemExit("no rerun viewer in this Python: pip install rerun-sdk")
     # the program itself: `bin/rerun` is a wrapper, and ending that orphans the viewer
-    program = Path(rerun_cli.__file__).parent / "rerun"
+    program = Path(package.origin).parent / "rerun"
     where = ["--bind", "127.0.0.1", "--port", str(port)]
     return [str(program), "--headless", "--window-size", size, *where, str(recording)]
 

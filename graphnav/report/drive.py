@@ -1,11 +1,16 @@
 """Figures of the drive: where it went, which states, how fast, how far from truth."""
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from graphnav import palette
 from graphnav.report import svg
 from graphnav.results import Results, columns, errors_against_truth, state_spans, thin
+
+if TYPE_CHECKING:
+    from pandas import DataFrame, Series
 
 Array = NDArray[np.float64]
 
@@ -70,17 +75,17 @@ def timeline(results: Results) -> str:
             lanes.append((name, spans, [palette.event(str(kind))] * len(events)))
     figure, (axes,) = svg.figure([0.24 * len(lanes) + 0.1])
     for k, (_, spans, colours) in enumerate(lanes):
-        axes.broken_barh(spans, (k - 0.38, 0.76), facecolors=colours)
+        axes.broken_barh(spans.tolist(), (k - 0.38, 0.76), facecolors=colours)
     axes.set_yticks(range(len(lanes)), [name for name, *_ in lanes])
     axes.set(ylim=(len(lanes) - 0.5, -0.5), xlabel=SINCE_START, xlim=limits(results))
     axes.grid(False)
     return svg.text(figure, "Motion states over time")
 
 
-def _lane(results: Results, names: object, table: object) -> tuple[Array, list[str]]:
-    start, end = columns(table, "start", "end").T  # type: ignore[arg-type]
+def _lane(results: Results, names: "Series[str]", table: "DataFrame") -> tuple[Array, list[str]]:
+    start, end = columns(table, "start", "end").T
     spans = np.stack([start - results.clock_start, end - start], -1)
-    return spans, [palette.motion(str(s)) for s in names]  # type: ignore[attr-defined]
+    return spans, [palette.motion(str(name)) for name in names]
 
 
 def limits(results: Results) -> tuple[float, float]:
@@ -98,7 +103,11 @@ def velocity(results: Results) -> str:
         forward.plot(
             *svg.envelope(at, raw), color=palette.ODOMETER_RAW, lw=0.8, label="odometer, raw"
         )
-        corrected = {"color": palette.ODOMETER, "lw": 2.2, "label": "odometer, corrected"}
+        corrected: dict[str, Any] = {
+            "color": palette.ODOMETER,
+            "lw": 2.2,
+            "label": "odometer, corrected",
+        }
         forward.plot(*svg.envelope(at, v_y), **corrected)
         lateral.plot(*svg.envelope(at, v_x), **corrected)
     time = results.time - results.clock_start
@@ -108,7 +117,7 @@ def velocity(results: Results) -> str:
         (vertical, 2, "vertical"),
     ):
         value = columns(results.trajectory, f"v_{'xyz'[k]}")[:, 0]
-        drawn = {"color": palette.AXES[2] if k == 1 else palette.AXES[0], "lw": 0.9}
+        drawn: dict[str, Any] = {"color": palette.AXES[2] if k == 1 else palette.AXES[0], "lw": 0.9}
         axes.plot(*svg.envelope(time, value), **drawn, label="smoothed")
         axes.set_ylabel(f"{name}\n[m/s]")
     forward.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3)

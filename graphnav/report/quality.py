@@ -1,6 +1,6 @@
 """Figures of the solution's quality: calibration with bands, residual histograms."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,13 +65,18 @@ def _of_states(curve: Curve) -> bool:
 
 def _forest(panel: "Axes", curve: Curve) -> None:
     rows = np.arange(len(curve.components))
-    prior = {"color": svg.FAINT, "fmt": "none", "elinewidth": 1.0, "capsize": 2.5}
+    prior: dict[str, Any] = {"color": svg.FAINT, "fmt": "none", "elinewidth": 1.0, "capsize": 2.5}
     if np.isfinite(curve.prior_sd).any():
         panel.errorbar(
             curve.prior, rows + 0.2, xerr=3 * curve.prior_sd, label="prior ± 3σ", **prior
         )
     for k, component in enumerate(curve.components):
-        drawn = {"color": palette.motion(component), "fmt": "o", "ms": 4, "elinewidth": 2.0}
+        drawn: dict[str, Any] = {
+            "color": palette.motion(component),
+            "fmt": "o",
+            "ms": 4,
+            "elinewidth": 2.0,
+        }
         told = "estimate ± 3σ" if k == 0 else None
         panel.errorbar(curve.value[0, k], k - 0.1, xerr=3 * curve.sd[0, k], label=told, **drawn)
     names = [
@@ -96,7 +101,7 @@ def residuals(results: Results) -> str | None:
         value = columns(table, "value")[:, 0]
         value = value[np.isfinite(value)]
         inside = np.clip(value, edges[0], edges[-1])
-        panel.hist(inside, edges, density=True, color=palette.AXES[2], alpha=0.75)
+        panel.hist(inside, edges.tolist(), density=True, color=palette.AXES[2], alpha=0.75)
         panel.plot(edges, normal, color=svg.INK, lw=1.0)
         panel.set(yscale="log", ylim=(1e-5, 1.0), xlabel="residual [σ]")
         panel.minorticks_off()

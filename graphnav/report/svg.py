@@ -25,7 +25,7 @@ THEMED = {INK: "var(--ink)", FAINT: "var(--faint)", GRID: "var(--grid)"}
 WIDTH = 8.6  # inches: the text column of the page
 POINTS = 1500  # of one plotted line: two for every pixel of the column
 
-STYLE = {
+STYLE: dict[Any, Any] = {
     "svg.fonttype": "none",
     "svg.hashsalt": "graphnav",
     "font.family": "sans-serif",
