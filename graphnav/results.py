@@ -97,7 +97,7 @@ class Results:
 
     @cached_property
     def R_nb(self) -> Array:
-        """Attitude (N, 3, 3) in n; the angles in the file are told in the level frame on the spot."""
+        """Attitude (N, 3, 3) in n; the file tells angles in the level frame on the spot."""
         angles = np.radians(columns(self.trajectory, "roll_deg", "pitch_deg", "heading_deg"))
         return np.asarray(
             so3.transpose(self.origin.level_axes(self.p_n)) @ rotation_of_angles(*angles.T)
@@ -117,7 +117,7 @@ def thin(count: int, limit: int) -> Index:
 
 
 def state_spans(results: Results) -> list[tuple[str, int, int]]:
-    """`(state, first, last)` trajectory rows of each state; neighbours share a row, so lines join."""
+    """`(state, first, last)` trajectory rows of each state; neighbours share a row: lines join."""
     edges = np.searchsorted(results.time, columns(results.states, "start", "end"))
     last = len(results.time) - 1
     spans = zip(results.states["state"], edges[:, 0], edges[:, 1], strict=True)
