@@ -69,7 +69,10 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
         warnings.simplefilter("ignore")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # run the clean-up
     try:
-        command.main(list(args), prog_name="graphnav", standalone_mode=False)
+        with command.make_context("graphnav", list(args)) as context:
+            command.invoke(context)
+    except click.exceptions.Exit as finished:
+        return finished.exit_code
     except click.ClickException as error:
         return _usage(error)
     except (click.Abort, KeyboardInterrupt):
