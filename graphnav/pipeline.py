@@ -69,9 +69,9 @@ def solve(
 ) -> Solved:
     """The solver for this kind of vehicle and these sensors."""
     if vehicle.kind == "rover" and run.rover is not None:
-        from graphnav import rover_smoother
+        from graphnav.rover_result import solve_rover
 
-        return rover_smoother.smooth(run, vehicle, told)
+        return solve_rover(run, vehicle, use_gnss=use_gnss, outages=outages, told=told)
     from graphnav.finish import finish
     from graphnav.preparation import prepare
     from graphnav.smoother import smooth as smooth_prepared
@@ -98,7 +98,7 @@ def write(
     if csv:
         table.to_csv(directory / "trajectory.csv", index=False)
     tables.states(solved).to_csv(directory / "states.csv", index=False)
-    slips = tables.slips(solved, solved.rests)
+    slips = [*tables.slips(solved, solved.rests), *solved.wheel_events]
     tables.event_table(slips, solved.run.clock_start).to_csv(directory / "events.csv", index=False)
     optional = {
         "residuals": tables.residuals(solved),

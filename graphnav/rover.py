@@ -16,6 +16,7 @@ from graphnav.vehicle import RoverSpec
 
 SMOOTH_S = 1.0  # joint angles are smoothed over this before they are differenced
 GAP_S = 1.0  # a longer silence of the running gear is a gap
+FIT_SAMPLES = 3000  # of the run, from which the wheels' spread is taken
 K_GUESS = 0.9  # slip coefficient while nothing is known yet (C6)
 HEADING_SD_RANGE = np.deg2rad([0.05, 3.0])
 
@@ -63,9 +64,11 @@ def wheels_of(gear: RoverGear, linkage: rb.Linkage) -> Wheels:
         bogie=_rate(joints.bogie, gear.time),
     )
     spread = rb.Spread()
+    some = slice(None, None, max(1, len(gear.time) // FIT_SAMPLES))
     for _ in range(3):
-        motion = rb.body_motion(linkage, gear.wheel, joints, rates, spread)
-        spread = rb.fitted_spread(motion)
+        few = (gear.wheel[some], _picked(joints, some), _picked(rates, some))
+        spread = rb.fitted_spread(rb.body_motion(linkage, *few, spread))
+    motion = rb.body_motion(linkage, gear.wheel, joints, rates, spread)
     return _integrated(gear.time, rb.wheel_positions(linkage, joints), motion, spread)
 
 
@@ -166,6 +169,10 @@ def heading_sd(seen: ExternalHeading, wheels: Wheels) -> float:
         return float(np.deg2rad(1.0))
     jump = np.angle(np.exp(1j * np.diff(steady)))[near]
     return float(np.clip(1.4826 * np.median(np.abs(jump)) / np.sqrt(2), *HEADING_SD_RANGE))
+
+
+def _picked(joints: rb.Joints, some: slice) -> rb.Joints:
+    return rb.Joints(joints.steer[some], joints.rocker[some], joints.bogie[some])
 
 
 def _integral(rate: Array, time: Array) -> Array:

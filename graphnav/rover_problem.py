@@ -15,6 +15,7 @@ from factors.calibration import Component, Layout
 from factors.calibration import prior as calibration_prior
 from factors.heading import heading
 from factors.inertial import Field, inertial
+from factors.position import position
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
 from graphnav import rover, rover_terrain
@@ -25,7 +26,7 @@ from graphnav.errors import InputError
 from graphnav.estimate import Estimate
 from graphnav.increments import increments
 from graphnav.nodes import Nodes, nearest_node, place_nodes
-from graphnav.run import Run
+from graphnav.run import Array, Run
 from graphnav.vehicle import Vehicle
 
 Factor = Callable[[Estimate], list[Block]]
@@ -38,6 +39,8 @@ YAW_LENGTH = 3.0  # m over which wheels keep slipping unlike each other
 STEP_FLOOR, STEP_SHARE = 0.001, 0.03  # m; of the way
 YAW_FLOOR, YAW_SHARE = 3e-4, 0.3  # rad; of the wheels' own yaw uncertainty
 TILT_FLOOR, TILT_SHARE = 1e-3, 0.5  # rad; rad per m
+LOOSE_POSITION = 300.0  # m, of the first fix
+FIX_REACH_S, FIX_SD = 0.6, 0.05  # a fix further from every node is left out; m, best believed
 UNHEARD_SPEED, UNHEARD_RATE = 0.2, 0.1  # m/s, rad/s: what may happen unheard
 SPEED_SD, SPEED_SHARE = 0.01, 0.1  # m/s; of the speed
 
@@ -48,6 +51,7 @@ class RoverProblem:
 
     run: Run
     origin: Origin
+    antenna_b: Array  # (3,) m, lever arm of the fixes
     wheels: rover.Wheels
     sums: wv.WheelSums
     nodes: Nodes
@@ -72,10 +76,7 @@ def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
     inc = increments(run.imu) if run.imu is not None else None
     edges = wheels.time if inc is None else inc.edge
     nodes = place_nodes(edges, np.zeros(0), np.zeros(0), np.zeros((0, 2)))
-    at = vehicle.start
-    if at.lat is None or at.lon is None:
-        raise InputError(f"{run.path}: no start: give [start] lat, lon, height in the vehicle file")
-    origin = Origin(np.deg2rad(at.lat), np.deg2rad(at.lon), at.height or 0.0)
+    origin = _origin(run, vehicle)
     spec = vehicle.imu
     layout, wandering = calibrations(
         spec.gyro_bias_deg_h if inc else None, spec.accel_bias_mg, wheels
@@ -85,8 +86,30 @@ def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
         spec.accel_noise_mg_sqrt_hz * 1e-3 * G_STANDARD,
     )
     sums = rover.sums_between(wheels, nodes.time)
-    known = _start(run, vehicle, wheels, nodes)
-    return RoverProblem(run, origin, wheels, sums, nodes, layout, wandering, known, inc, noise)
+    known = _start(run, vehicle, wheels, nodes, origin)
+    lever = vehicle.gnss.lever_b
+    return RoverProblem(
+        run, origin, lever, wheels, sums, nodes, layout, wandering, known, inc, noise
+    )
+
+
+def _origin(run: Run, vehicle: Vehicle) -> Origin:
+    """The frame's origin: the stated start, else the first fixes."""
+    at, gnss = vehicle.start, run.gnss
+    if at.lat is not None and at.lon is not None:
+        return Origin(np.deg2rad(at.lat), np.deg2rad(at.lon), at.height or 0.0)
+    if gnss is None:
+        raise InputError(f"{run.path}: no start: give [start] lat, lon, height in the vehicle file")
+    few = [float(np.median(x[:10])) for x in (gnss.lat_deg, gnss.lon_deg, gnss.height)]
+    return Origin(np.deg2rad(few[0]), np.deg2rad(few[1]), few[2])
+
+
+def fixes_n(run: Run, origin: Origin) -> Array:
+    """All fixes of the run in n, (F, 3) m."""
+    if run.gnss is None:
+        return np.zeros((0, 3))
+    g = run.gnss
+    return origin.local(np.deg2rad(g.lat_deg), np.deg2rad(g.lon_deg), g.height)
 
 
 def calibrations(
@@ -113,7 +136,7 @@ def _one(name: str, prior: float, sd: float) -> Component:
     return Component(name, np.array([prior]), np.array([sd]))
 
 
-def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes) -> Start:
+def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes, origin: Origin) -> Start:
     """Stated heading, else the first the sensor sees carried back by the wheels."""
     at = vehicle.start
     if at.heading_deg is not None:
@@ -128,9 +151,12 @@ def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes) -> St
             "or a heading_deg column"
         )
     tilt = np.deg2rad(30.0)
-    sds = np.array([tilt, tilt, sd, 1.0, 1.0, 1.0, *[at.position_sd_m] * 3])
+    stated = at.has_position
+    p_n = np.zeros(3) if stated else fixes_n(run, origin)[0]
+    p_sd = at.position_sd_m if stated else LOOSE_POSITION
+    sds = np.array([tilt, tilt, sd, 1.0, 1.0, 1.0, p_sd, p_sd, p_sd])
     R = rotation_of_angles(*np.array([0.0, 0.0, float(value)]))
-    return Start(R, np.zeros(3), np.zeros(3), sds)
+    return Start(R, np.zeros(3), p_n, sds)
 
 
 def build(problem: RoverProblem, at: Estimate, found: list[rover_terrain.Track]) -> list[Factor]:
@@ -139,6 +165,8 @@ def build(problem: RoverProblem, at: Estimate, found: list[rover_terrain.Track])
     factors.append(_level(problem) if problem.inc is None else _inertial(problem, at))
     if problem.run.heading is not None:
         factors.append(_heading(problem))
+    if problem.run.gnss is not None:
+        factors.append(_gnss(problem))
     layout = problem.layout
     factors.append(lambda x: rover_terrain.blocks(found, x.calibration, layout))
     return factors
@@ -240,3 +268,14 @@ def _heading(problem: RoverProblem) -> Factor:
     value = seen.heading + rover.K_GUESS * turned
     sigma = np.full(len(value), rover.heading_sd(seen, wheels))
     return lambda x: [heading(value, sigma, node, x.R_nb, seen.time)]
+
+
+def _gnss(problem: RoverProblem) -> Factor:
+    """Position fixes, each at its nearest node."""
+    gnss = problem.run.gnss
+    assert gnss is not None
+    node, dt = nearest_node(problem.nodes, gnss.time)
+    on = np.flatnonzero(np.abs(dt) < FIX_REACH_S)
+    fixes, sigma = fixes_n(problem.run, problem.origin)[on], np.maximum(gnss.sd_enu[on], FIX_SD)
+    at, late, time, lever = node[on], dt[on], gnss.time[on], problem.antenna_b
+    return lambda x: [position(fixes, sigma, lever, late, at, x.R_nb, x.v_n, x.p_n, time)]

@@ -1,5 +1,6 @@
 """A rover run from wheels to estimate: first guess, rounds of solving, the path between nodes."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from graphnav.densify import Path
 from graphnav.elimination import Covariances, covariances
 from graphnav.estimate import Estimate
 from graphnav.rover_problem import RoverProblem, build, prepare
-from graphnav.run import Array, Run
+from graphnav.run import Run
 from graphnav.solve import FINE, ROUGH, Solution, gauss_newton
 from graphnav.vehicle import Vehicle
 
@@ -22,6 +23,7 @@ LEARN_WAY = 30.0  # m driven before the ground's statistics are learnt
 
 ROBUST = {
     "heading": Robust("igg3", 2.5, 8.0),
+    "gnss": Robust("igg3", 2.0, 6.0),
     "level": Robust("igg3", 2.5, 8.0),
     "wheel_displacement": Robust("huber", 2.5),
     "wheel_yaw": Robust("huber", 2.5),
@@ -37,6 +39,7 @@ class RoverSolution:
     problem: RoverProblem
     solution: Solution
     covariances: Covariances
+    tracks: list[rover_terrain.Track]  # sides whose wheels felt one ground
 
     @property
     def estimate(self) -> Estimate:
@@ -44,12 +47,19 @@ class RoverSolution:
         return self.solution.estimate
 
 
-def smooth_rover(run: Run, vehicle: Vehicle) -> RoverSolution:
-    """Solve a rover run: convex weights first; then the ground's profile and statistics join in."""
+def smooth_rover(
+    run: Run, vehicle: Vehicle, told: Callable[[str], None] = lambda _: None
+) -> RoverSolution:
+    """Solve a rover run: convex weights first; then the ground's profile and statistics join in.
+
+    Every fix in `run.gnss` is used; `told` hears the name of each stage as it begins.
+    """
+    told("wheels")
     problem = prepare(run, vehicle)
     estimate = first_guess(problem)
     found: list[rover_terrain.Track] = []
-    for robust in (CONVEX, CONVEX, ROBUST):
+    for round_, robust in enumerate((CONVEX, CONVEX, ROBUST), 1):
+        told(f"solve, round {round_}")
         factors = build(problem, estimate, found)
         solution = gauss_newton(
             lambda x: [b for f in factors for b in f(x)],  # noqa: B023  called at once
@@ -60,11 +70,17 @@ def smooth_rover(run: Run, vehicle: Vehicle) -> RoverSolution:
         )
         estimate = solution.estimate
         if robust is not ROBUST:
-            path = dense_path(problem, estimate, problem.wheels.time)
+            path = path_of(problem, estimate)
             k = estimate.calibration[:, problem.layout.column("slip_coefficient")]
             found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
             problem = learnt(problem, estimate, covariances(solution.bayes_net, problem.chain))
-    return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain))
+    told("covariances")
+    return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain), found)
+
+
+def path_of(problem: RoverProblem, x: Estimate) -> Path:
+    """The trajectory at the nodes; `Path.at` carries it between them."""
+    return Path(problem.nodes.time, x.R_nb, x.v_n, x.p_n)
 
 
 def learnt(problem: RoverProblem, x: Estimate, known: Covariances) -> RoverProblem:
@@ -95,8 +111,11 @@ def learnt(problem: RoverProblem, x: Estimate, known: Covariances) -> RoverProbl
     return replace(problem, layout=layout, wandering=tuple(updated))
 
 
-def first_guess(problem: RoverProblem) -> Estimate:
-    """Level from the accelerometer, heading from the sensor and the wheels, dead reckoning."""
+def first_guess(problem: RoverProblem, sensed: bool = True) -> Estimate:
+    """Level from the accelerometer, heading from the sensor and the wheels, dead reckoning.
+
+    Not `sensed`: the heading sensor is left out, the wheels turn the start's heading.
+    """
     time, n = problem.nodes.time, len(problem.nodes.time)
     wheels, sums = problem.wheels, problem.sums
     yaw = rover.K_GUESS * np.concatenate([[0.0], np.cumsum(sums.yaw)])
@@ -104,7 +123,7 @@ def first_guess(problem: RoverProblem) -> Estimate:
     known = float(np.arctan2(start_R[0, 1], start_R[1, 1]))
     angle = np.full(n, known)
     seen = problem.run.heading
-    if seen is not None:
+    if seen is not None and sensed:
         carried = np.interp(seen.time, time, yaw)
         angle = np.interp(time, seen.time, np.unwrap(seen.heading + carried))
     roll, pitch = np.zeros(n), np.zeros(n)
@@ -121,17 +140,5 @@ def first_guess(problem: RoverProblem) -> Estimate:
     swing = so3.mv(R, sums.centroid_b)
     calibration = np.tile(problem.layout.prior, (len(problem.nodes.segment_time), 1))
     velocity = so3.mv(R, rover.K_GUESS * rover.origin_velocity(wheels, time))
-    return Estimate(R, velocity, foot - (swing - swing[0]), np.zeros(n), calibration)
-
-
-def dense_path(problem: RoverProblem, x: Estimate, time: Array) -> Path:
-    """The path at any times: between nodes cubic in position, constant rate in attitude."""
-    node_time = problem.nodes.time
-    i = np.clip(np.searchsorted(node_time, time, side="right") - 1, 0, len(node_time) - 2)
-    T = np.diff(node_time)[i][:, None]
-    s = (time - node_time[i])[:, None] / T
-    turn = so3.log(so3.transpose(x.R_nb[i]) @ x.R_nb[i + 1])
-    p0, p1, v0, v1 = x.p_n[i], x.p_n[i + 1], x.v_n[i] * T, x.v_n[i + 1] * T
-    p = p0 + s * v0 + s**2 * (3 * (p1 - p0) - 2 * v0 - v1) + s**3 * (2 * (p0 - p1) + v0 + v1)
-    v = v0 + 2 * s * (3 * (p1 - p0) - 2 * v0 - v1) + 3 * s**2 * (2 * (p0 - p1) + v0 + v1)
-    return Path(time, x.R_nb[i] @ so3.exp(s * turn), v / T, p)
+    p = problem.start.p_n + foot - (swing - swing[0])
+    return Estimate(R, velocity, p, np.zeros(n), calibration)

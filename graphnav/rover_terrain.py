@@ -35,9 +35,10 @@ class Track:
 
 
 def tracks(wheels: Wheels, nodes: Nodes, path: Path, k: Array) -> list[Track]:
-    """Both sides' profiles, attitude from `path` on the gear's clock; sides that are not coherent
+    """Both sides' profiles with the attitude of `path`; sides that are not coherent
     at the slip coefficients `k` (segments,) are left out."""
-    p_n = so3.mv(path.R_nb[:, None], wheels.wheels_b)
+    R_nb = path.at(wheels.time)[0]
+    p_n = so3.mv(R_nb[:, None], wheels.wheels_b)
     found = (_track(wheels, nodes, p_n[..., 2], side, k) for side in (0, 1))
     return [t for t in found if t is not None]
 

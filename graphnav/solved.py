@@ -8,6 +8,7 @@ import numpy as np
 from factors.block import Block
 from graphnav.densify import Path
 from graphnav.earth import Origin
+from graphnav.events import Event
 from graphnav.run import Array, Run
 from graphnav.timeline import Timeline
 from graphnav.vehicle import Vehicle
@@ -64,6 +65,7 @@ class Solved:
     rests: Array  # (K, 2) s, spans of standstill
     solver: dict[str, Any]  # for summary.json
     verdicts: list[str]
+    wheel_events: tuple[Event, ...] = ()  # of single wheels of a rover
 
 
 def row_weights(solved: Solved, kinds: tuple[str, ...]) -> tuple[Array, Array]:
