@@ -80,6 +80,13 @@ class Results:
         return float(min([self.time[0], *starts]))
 
     @cached_property
+    def title(self) -> str:
+        """The run in a few words that tell it from others: its folder and file, `folder/run`."""
+        run = Path(str(self.summary.get("run", self.directory.name)))
+        folder = run.parent.name or self.directory.resolve().parent.name
+        return f"{folder}/{run.name.split('.')[0]}"
+
+    @cached_property
     def origin(self) -> Origin:
         """Frame n; the first trajectory row says where it lies when the summary does not."""
         told = self.summary.get("origin")

@@ -254,4 +254,4 @@ def test_a_run_id_becomes_an_id_the_viewer_accepts(loaded: results.Results, tmp_
     shutil.copytree(loaded.directory, directory)
     changed = (directory / "summary.json").read_text().replace('"run-001"', '"Läufe/7.b"')
     (directory / "summary.json").write_text(changed)
-    assert recording.application_id(results.load(directory)) == "graphnav L-ufe-7-b"
+    assert recording.application_id(results.load(directory)) == "graphnav L-ufe-7"

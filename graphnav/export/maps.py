@@ -1,8 +1,8 @@
 """Exports for maps: KML (fastkml), GeoJSON (geojson), GPX (gpxpy).
 
 Places are WGS 84 with heights above its ellipsoid; KML and GPX readers take heights as above sea
-level, so they show the path off by the geoid's undulation (no geoid model is shipped). KML and GeoJSON hold one line per motion state,
-thinned to what a map shows; GPX holds every row.
+level, so they show the path off by the geoid's undulation (no geoid model is shipped). KML and
+GeoJSON hold one line per motion state, thinned to what a map shows; GPX holds every row.
 """
 
 from collections.abc import Iterator
@@ -53,7 +53,7 @@ def kml(results: Results, track: Track, path: Path) -> None:
     states = palette.in_order(marks)
     styles = [Style(id=s, styles=[LineStyle(color=_abgr(s), width=3.0)]) for s in states]
     folders = [Folder(name=palette.motion_label(s), features=marks[s]) for s in states]
-    document = Document(name=_name(results), styles=styles, features=folders)
+    document = Document(name=results.title, styles=styles, features=folders)
     text = KML(features=[document]).to_string(prettyprint=False)
     path.write_text('<?xml version="1.0" encoding="UTF-8"?>\n' + text, encoding="utf-8")
 
@@ -81,7 +81,7 @@ def geojson(results: Results, track: Track, path: Path) -> None:
         for state, first, last, places in _lines(results, track)
     ]
     with path.open("w", encoding="utf-8") as out:
-        dump(FeatureCollection(features, name=_name(results)), out)
+        dump(FeatureCollection(features, name=results.title), out)
 
 
 def gpx(results: Results, track: Track, path: Path) -> None:
@@ -101,13 +101,9 @@ def gpx(results: Results, track: Track, path: Path) -> None:
             for lat, lon, height, second in rows
         ]
     )
-    line = GPXTrack(name=_name(results))
+    line = GPXTrack(name=results.title)
     line.segments.append(segment)
     document = GPX()
     document.creator = "graphnav"
     document.tracks.append(line)
     path.write_text(document.to_xml(prettyprint=False), encoding="utf-8")
-
-
-def _name(results: Results) -> str:
-    return str(results.summary.get("run", results.directory.name))

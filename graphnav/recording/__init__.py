@@ -24,8 +24,7 @@ def entries(results: Results) -> list[Entry]:
 
 def application_id(results: Results) -> str:
     """One id per run: a running viewer keeps a layout per id. Only characters rerun accepts."""
-    run = str(results.summary.get("run", results.directory.name))
-    return "graphnav " + re.sub(r"[^A-Za-z0-9_ -]", "-", run)
+    return "graphnav " + re.sub(r"[^A-Za-z0-9_ -]", "-", results.title)
 
 
 def write(results: Results, path: Path) -> None:

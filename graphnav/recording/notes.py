@@ -22,7 +22,7 @@ def entries(results: Results) -> list[Entry]:
 
 def _text(results: Results) -> str:
     summary = results.summary
-    lines = [f"# {summary.get('run', results.directory.name)}"]
+    lines = [f"# {results.title}"]
     distance, duration = summary.get("distance_m"), summary.get("duration_s")
     if distance is not None and duration is not None:
         lines.append(f"{distance / 1000:.2f} km in {duration:.0f} s")

@@ -77,7 +77,7 @@ def _fixes(results: Results) -> list[Entry]:
         return []
     gnss = results.gnss.iloc[thin(len(results.gnss), STRIP_LIMIT)]
     p_n = columns(gnss, "e", "n", "u")
-    points = rr.Points3D(p_n, colors=fix_colours(gnss), radii=rr.Radius.ui_points(2.5))
+    points = rr.Points3D(p_n, colors=fix_colours(gnss), radii=rr.Radius.ui_points(1.3))
     return static("/world/gnss", points)
 
 

@@ -37,7 +37,7 @@ def _content(results: Results) -> dict[str, Any]:
     summary = results.summary
     shown = tables.events(results)
     return {
-        "run": summary.get("run", results.directory.name),
+        "run": results.title,
         "vehicle": summary.get("vehicle", "vehicle"),
         "version": graphnav.__version__,
         "clock_start": f"{results.clock_start:g}",

@@ -35,7 +35,7 @@ def trajectory(results: Results) -> str:
             axes.plot(e, n, dashes, color=colour, lw=width, label=label, zorder=1.5)
     if results.gnss is not None:
         e, n = columns(results.gnss, "e", "n")[thin(len(results.gnss), 1000)].T
-        axes.plot(e, n, ".", color=palette.GNSS, ms=3, label="GNSS", zorder=2.2)
+        axes.plot(e, n, ".", color=palette.GNSS, ms=3, label="GNSS", zorder=1.6)
     share = min(1.0, PATH_POINTS / len(results.time))
     lines: dict[str, list[Array]] = {}
     for state, first, last in state_spans(results):

@@ -13,6 +13,7 @@ from graphnav.results import Curve, Results, columns
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from pandas import DataFrame
 
 Array = NDArray[np.float64]
 
@@ -94,20 +95,27 @@ def residuals(results: Results) -> str | None:
     kinds = [(str(kind), table) for kind, table in results.residuals.groupby("kind", sort=True)]
     across = min(3, len(kinds))
     down = -(-len(kinds) // across)
-    figure, axes = svg.figure([1.6] * down, across, gap=0.75)
+    figure, axes = svg.figure([1.6] * down, across, gap=0.95, top=0.5)
     edges = np.linspace(-HISTOGRAM_SIGMAS, HISTOGRAM_SIGMAS, 49)
     normal = np.exp(-(edges**2) / 2) / np.sqrt(2 * np.pi)
-    for panel, (kind, table) in zip(axes, kinds, strict=False):
+    for k, (kind, table) in enumerate(kinds):
         value = columns(table, "value")[:, 0]
-        value = value[np.isfinite(value)]
-        inside = np.clip(value, edges[0], edges[-1])
-        panel.hist(inside, edges.tolist(), density=True, color=palette.AXES[2], alpha=0.75)
-        panel.plot(edges, normal, color=svg.INK, lw=1.0)
-        panel.set(yscale="log", ylim=(1e-5, 1.0), xlabel="residual [σ]")
-        panel.minorticks_off()
-        rms = float(np.sqrt(np.mean(value**2))) if len(value) else float("nan")
-        panel.set_title(f"{kind.replace('_', ' ')}: {len(value)}, RMS {rms:.2f}")
+        inside = np.clip(value[np.isfinite(value)], edges[0], edges[-1])
+        axes[k].hist(inside, edges.tolist(), density=True, color=palette.AXES[2], alpha=0.75)
+        axes[k].plot(edges, normal, color=svg.INK, lw=1.0)
+        axes[k].set(yscale="log", ylim=(1e-5, 1.0), xlabel="residual [σ]", xticks=range(-6, 7, 3))
+        axes[k].minorticks_off()
+        axes[k].tick_params(labelleft=k % across == 0)
+        axes[k].set_title(f"{kind.replace('_', ' ')}\n{_told(table)}")
     for unused in axes[len(kinds) :]:
         unused.set_visible(False)
     axes[0].set_ylabel("density")
     return svg.text(figure, "Histograms of whitened residuals")
+
+
+def _told(table: "DataFrame") -> str:
+    """Count, RMS as the solver saw it (robust weights applied), share turned down."""
+    value = columns(table, "value")[:, 0]
+    weight = columns(table, "weight")[:, 0] if "weight" in table else np.ones(len(value))
+    rms = float(np.sqrt(np.nanmean(np.nan_to_num(weight, nan=1.0) * value**2)))
+    return f"{len(value)}, RMS {rms:.2f}, {100 * np.mean(weight < 0.5):.1f} % turned down"

@@ -63,7 +63,12 @@ def styled() -> Iterator[None]:
 
 
 def figure(
-    heights: list[float], across: int = 1, left: float = 0.8, right: float = 0.3, gap: float = 0.12
+    heights: list[float],
+    across: int = 1,
+    left: float = 0.8,
+    right: float = 0.3,
+    gap: float = 0.12,
+    top: float = 0.32,
 ) -> "tuple[Figure, list[Axes]]":
     """Panels in rows of the given heights, all in inches, with margins set by hand.
 
@@ -72,7 +77,7 @@ def figure(
     """
     from matplotlib.figure import Figure
 
-    top, bottom, rows = 0.32, 0.45, len(heights)
+    bottom, rows = 0.45, len(heights)
     height = sum(heights) + gap * (rows - 1) + top + bottom
     drawn = Figure(figsize=(WIDTH, height))
     spacing = {"hspace": gap * rows / sum(heights), "wspace": 0.16}
