@@ -20,7 +20,7 @@ $(STAMP): pyproject.toml
 	@touch $@
 
 demo: $(STAMP) ## simulate a tracked vehicle and smooth it
-	$(BIN)/graphnav simulate tracked --out demo --seed $(SEED)
+	$(BIN)/graphnav simulate tracked --out demo --seed $(SEED) --duration 900
 	$(BIN)/graphnav smooth demo/run.csv.gz --truth demo/truth.csv.gz
 	@echo
 	@echo "Look at it:   $(BIN)/graphnav show demo/run_graphnav"
