@@ -3,9 +3,11 @@
 With `C_k` the gyro-integrated rotation since node i and `d_k` the odometer's distance steps, the
 vehicle point moves, in the body frame of node i,
 
-    D = f (1 + s) [sum C_k d_k] R_bm e_y - h [sum C_k |dpsi_k| sign d_k] R_bm e_y - kappa L [sum C_k dpsi_k] R_bm e_x
+    D = (f (1 + s) [sum C_k d_k] - h [sum C_k |dpsi_k| sign d_k]) R_bm e_y
+      - (kappa L [sum C_k dpsi_k] - tau [sum C_k d_k psi_dot_k]) R_bm e_x
 
-(forward: A19/A20/A23, lateral: A17), and the residual is
+(forward: A19/A20/A23; lateral: A17 for tracks, and for tyres the slip angle they need to hold a
+bend, `v_x = tau v_y psi_dot` outwards). The residual is
 
     r = R_i^T (p_j - p_i) + (R_i^T R_j - I) l - D,
 
@@ -38,6 +40,7 @@ class OdometerSums:
     distance_late: Array  # of t_k d_k [m s], for the gyro bias
     turn: Array  # of dpsi_k [rad]
     turn_abs: Array  # of |dpsi_k| sign(d_k) [rad]
+    bend: Array  # of d_k psi_dot_k [m rad/s]
     R_mid: Array  # (n, 3, 3) mean rotation since node i, orthonormal
     delay: float  # s, delay and
     bias: Array  # (n, 3) rad/s, gyro bias the sums were made with
@@ -68,6 +71,7 @@ class Columns:
     mounting: int  # pitch, heading
     lever: int
     delay: int
+    cornering: int = -1  # tau [s]
 
 
 @dataclass(frozen=True)
@@ -112,6 +116,9 @@ def displacement(
     forward = _calibrated(c, correction.forward_column, correction.forward)
     lateral = _calibrated(c, correction.lateral_column, correction.lateral)
     gain = forward * (1 + c[:, columns.scale])
+    sideways = lateral[:, None, None] * sums.turn
+    if columns.cornering >= 0:
+        sideways = sideways - c[:, columns.cornering, None, None] * sums.bend
     distance = sums.distance
     if columns.delay >= 0:
         late = c[:, columns.delay] - sums.delay
@@ -121,7 +128,7 @@ def displacement(
     turned = so3.mv(sums.turn, ex)
     # vectors in the frame of node i, turned into the vehicle frame at mid-interval at the end
     D = gain[:, None] * travel - correction.gauge[:, None] * so3.mv(sums.turn_abs, ey)
-    D = D - lateral[:, None] * turned + np.cross(swerve, c[:, 0:3] - sums.bias)
+    D = D - so3.mv(sideways, ex) + np.cross(swerve, c[:, 0:3] - sums.bias)
     R_i, R_j = R[node], R[node + 1]
     R_ij = so3.transpose(R_i) @ R_j
     moved = so3.mtv(R_i, p[node + 1] - p[node])
@@ -144,9 +151,11 @@ def displacement(
     J_c[:, :, columns.scale] = -in_m(forward[:, None] * travel)
     if columns.delay >= 0:
         J_c[:, :, columns.delay] = -in_m(gain[:, None] * so3.mv(sums.distance_rate, ey))
+    if columns.cornering >= 0:
+        J_c[:, :, columns.cornering] = -in_m(so3.mv(sums.bend, ex))
     tilt = gain[:, None, None] * distance @ mount.R_bm @ so3.skew(E_Y)
     tilt = tilt - correction.gauge[:, None, None] * sums.turn_abs @ mount.R_bm @ so3.skew(E_Y)
-    tilt = tilt - lateral[:, None, None] * sums.turn @ mount.R_bm @ so3.skew(E_X)
+    tilt = tilt - sideways @ mount.R_bm @ so3.skew(E_X)
     # D turns with R_bm, and so do the axes the residual is told in
     axes_turn = so3.skew(r - _phase_row(phase, node))
     J_c[:, :, columns.mounting : columns.mounting + 2] = (to_m @ tilt + axes_turn) @ mount.jacobian

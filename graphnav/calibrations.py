@@ -14,6 +14,7 @@ DEG_SQRT_H = np.deg2rad(1) / 60  # rad/sqrt(s)
 MG = 1e-3 * G_STANDARD  # m/s^2
 
 BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hour
+CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
 SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
 
 
@@ -33,6 +34,8 @@ def layout(vehicle: Vehicle, table: dict[str, Correction]) -> Layout:
         components.append(
             Component("delay", _one(odometer.time_offset_s), _one(odometer.time_offset_sd_s))
         )
+    if vehicle.kind == "wheeled":
+        components.append(Component("cornering", np.zeros(1), _one(CORNERING_SD)))
     for state, row in table.items():
         if row.use_odometer and row.factor != 1 or row.half_gauge > 0:
             components.append(Component(f"forward:{state}", _one(row.factor), _one(row.factor_sd)))
@@ -51,6 +54,7 @@ def columns(layout: Layout) -> Columns:
         mounting=layout.column("mounting"),
         lever=layout.column("lever"),
         delay=layout.column("delay"),
+        cornering=layout.column("cornering"),
     )
 
 

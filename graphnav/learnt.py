@@ -50,6 +50,8 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
     add("lever_arm_m", "m", XYZ, of("lever"), 1.0)
     if "delay" in layout.slices and prep.run.odometer is not None:
         add("time_offset_s", "s", ("odometer",), of("delay"), 1.0)
+    if "cornering" in layout.slices:
+        add("cornering_slip_s", "s", ("tyres",), of("cornering"), 1.0)
     driven = set(smoothed.problem.state)
     for prefix, name, unit in (
         ("forward:", "forward_factor", "1"),

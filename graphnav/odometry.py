@@ -70,6 +70,7 @@ def odometer_sums(
         distance_late=total(steps.distance * mid),
         turn=total(steps.yaw),
         turn_abs=total(np.abs(steps.yaw) * np.sign(steps.distance)),
+        bend=total(steps.distance * steps.yaw / np.diff(inc.edge)),
         R_mid=half,
         delay=steps.delay,
         bias=pre.bias[:, :3],

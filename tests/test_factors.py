@@ -19,8 +19,9 @@ from factors.start import Start, start
 from factors.velocity import velocity
 from graphnav.estimate import Estimate
 
-COLUMNS = Columns(scale=6, mounting=7, lever=9, delay=12)
-DIM = 15  # biases, scale, mounting, lever, delay, one ground factor, one lateral offset
+COLUMNS = Columns(scale=6, mounting=7, lever=9, delay=12, cornering=15)
+DIM = 16  # biases, scale, mounting, lever, delay, one ground factor,
+# one lateral offset, cornering slip
 NODES = np.array([0, 20, 40, 55])
 SEGMENT = np.array([0, 0, 1])
 OMEGA = np.array([0.0, 5e-5, 5e-5])
@@ -104,6 +105,7 @@ def displacement_setup(rng: np.random.Generator) -> tuple[OdometerSums, Correcti
         distance_late=rng.normal(size=(3, 3, 3)),
         turn=0.3 * so3.exp(0.1 * rng.normal(size=(3, 3))),
         turn_abs=0.3 * so3.exp(0.1 * rng.normal(size=(3, 3))),
+        bend=0.5 * so3.exp(0.1 * rng.normal(size=(3, 3))),
         R_mid=so3.exp(0.2 * rng.normal(size=(3, 3))),
         delay=0.02,
         bias=np.zeros((3, 3)),
