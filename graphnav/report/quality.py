@@ -101,10 +101,13 @@ def residuals(results: Results) -> str | None:
     for k, (kind, table) in enumerate(kinds):
         value = columns(table, "value")[:, 0]
         inside = np.clip(value[np.isfinite(value)], edges[0], edges[-1])
-        axes[k].hist(inside, edges.tolist(), density=True, color=palette.AXES[2], alpha=0.75)
+        density, _ = np.histogram(inside, edges, density=True)
+        # one outline, no minor ticks, plain labels: many times faster than matplotlib's defaults
+        axes[k].set_yscale("log", subs=[])
+        axes[k].stairs(density, edges, fill=True, baseline=1e-6, color=palette.AXES[2], alpha=0.75)
         axes[k].plot(edges, normal, color=svg.INK, lw=1.0)
-        axes[k].set(yscale="log", ylim=(1e-5, 1.0), xlabel="residual [σ]", xticks=range(-6, 7, 3))
-        axes[k].minorticks_off()
+        axes[k].set_yticks([1e-4, 1e-2, 1.0], ["0.0001", "0.01", "1"])
+        axes[k].set(ylim=(1e-5, 4.0), xlabel="residual [σ]", xticks=range(-6, 7, 3))
         axes[k].tick_params(labelleft=k % across == 0)
         axes[k].set_title(f"{kind.replace('_', ' ')}\n{_told(table)}")
     for unused in axes[len(kinds) :]:
