@@ -13,6 +13,7 @@ import click
 from graphnav.errors import GraphnavError
 
 INTERRUPTED = 130
+NOTHING_WRITTEN = "interrupted; no result was written"
 
 
 class OneLine(click.Group):
@@ -68,6 +69,7 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
     if not debug:
         warnings.simplefilter("ignore")
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # run the clean-up
+    interrupts = _heard_interrupts()
     try:
         with command.make_context("graphnav", list(args)) as context:
             command.invoke(context)
@@ -76,7 +78,7 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
     except click.ClickException as error:
         return _usage(error)
     except (click.Abort, KeyboardInterrupt):
-        return _say("interrupted; no result was written", INTERRUPTED)
+        return _say(NOTHING_WRITTEN, INTERRUPTED)
     except GraphnavError as error:
         return _say(str(error), error.exit_code)
     except BrokenPipeError:
@@ -87,11 +89,26 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
             raise
         return _say(f"{error.filename or 'file'}: {error.strerror or error}", 2)
     except Exception as error:
+        if interrupts:
+            return _say(NOTHING_WRITTEN, INTERRUPTED)
         if debug:
             raise
         kind = type(error).__name__
         return _say(f"unexpected {kind}: {error} (GRAPHNAV_DEBUG=1 shows where)", 1)
     return 0
+
+
+def _heard_interrupts() -> list[int]:
+    """A list that fills with every Ctrl-C: a library may turn the exception into one of its own."""
+    heard: list[int] = []
+
+    def hear(number: int, _: object) -> None:
+        heard.append(number)
+        raise KeyboardInterrupt
+
+    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
+        signal.signal(signal.SIGINT, hear)
+    return heard
 
 
 def _usage(error: click.ClickException) -> int:
