@@ -4,7 +4,7 @@ Everything the graph needs to know about noise is taken from the run itself: how
 from each other, how the accelerometer shakes, how the heading sensor scatters.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from graphnav.vehicle import RoverSpec
 SMOOTH_S = 1.0  # joint angles are smoothed over this before they are differenced
 GAP_S = 1.0  # a longer silence of the running gear is a gap
 FIT_SAMPLES = 3000  # of the run, from which the wheels' spread is taken
+UNSTEERED = 1.0  # spread across wheels of unknown steering
 K_GUESS = 0.9  # slip coefficient while nothing is known yet (C6)
 HEADING_SD_RANGE = np.deg2rad([0.05, 3.0])
 
@@ -68,6 +69,8 @@ def wheels_of(gear: RoverGear, linkage: rb.Linkage) -> Wheels:
     for _ in range(3):
         few = (gear.wheel[some], _picked(joints, some), _picked(rates, some))
         spread = rb.fitted_spread(rb.body_motion(linkage, *few, spread))
+        if not joints.steer.any():  # no steering told: the wheels may slide sideways
+            spread = replace(spread, side=UNSTEERED)
     motion = rb.body_motion(linkage, gear.wheel, joints, rates, spread)
     return _integrated(gear.time, rb.wheel_positions(linkage, joints), motion, spread)
 

@@ -41,6 +41,7 @@ YAW_FLOOR, YAW_SHARE = 3e-4, 0.3  # rad; of the wheels' own yaw uncertainty
 TILT_FLOOR, TILT_SHARE = 1e-3, 0.5  # rad; rad per m
 LOOSE_POSITION = 300.0  # m, of the first fix
 FIX_REACH_S, FIX_SD = 0.6, 0.05  # a fix further from every node is left out; m, best believed
+UNLEVEL_SD = 0.1  # rad, of the ground, where no accelerometer tells
 UNHEARD_SPEED, UNHEARD_RATE = 0.2, 0.1  # m/s, rad/s: what may happen unheard
 SPEED_SD, SPEED_SHARE = 0.01, 0.1  # m/s; of the speed
 
@@ -218,24 +219,25 @@ def _wheels(problem: RoverProblem) -> Factor:
 
 
 def _level(problem: RoverProblem) -> Factor:
-    """Gyro-free attitude: quasi-static level and a ground whose slope changes little."""
+    """Gyro-free attitude: quasi-static level and a ground whose slope changes little.
+
+    Nodes without an accelerometer sample are taken to be level, loosely.
+    """
     nodes, layout = problem.nodes, problem.layout
-    sigma = TILT_FLOOR + TILT_SHARE * problem.sums.path
-    source = problem.run.accelerometer
-    at_node = np.append(nodes.segment, nodes.segment[-1])
+    n, c_of = len(nodes.time), np.append(nodes.segment, nodes.segment[-1])
+    slope_sd = TILT_FLOOR + TILT_SHARE * problem.sums.path
     g_n = problem.origin.gravity(np.zeros(3))
-    means = None if source is None else rover.levelling(source, nodes.time)
-    on = (
-        np.zeros(0, np.int64) if means is None else np.flatnonzero(np.isfinite(means.force_b[:, 0]))
-    )
+    force, sigma = np.tile(-g_n, (n, 1)), np.full(n, UNLEVEL_SD * float(np.linalg.norm(g_n)))
+    source = problem.run.accelerometer
+    if source is not None:
+        means = rover.levelling(source, nodes.time)
+        known = np.isfinite(means.force_b[:, 0])
+        force[known], sigma[known] = means.force_b[known], means.sigma[known]
+    every = np.arange(n)
 
     def factor(x: Estimate) -> list[Block]:
-        blocks = [wv.tilt(wv.interval(x.R_nb), sigma, nodes.time)]
-        if means is not None:
-            f, s, c = means.force_b[on], means.sigma[on], x.calibration
-            t = nodes.time[on]
-            blocks.append(wv.level(f, on, x.R_nb, g_n, c, layout, at_node[on], s, t))
-        return blocks
+        args = (force, every, x.R_nb, g_n, x.calibration, layout, c_of, sigma, nodes.time)
+        return [wv.tilt(wv.interval(x.R_nb), slope_sd, nodes.time), wv.level(*args)]
 
     return factor
 

@@ -1,6 +1,6 @@
 """The ground's profile under each side's wheels, as the linkage and the attitude feel it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -16,9 +16,12 @@ from graphnav.run import Array
 STEP = 0.05  # m, grid of the profiles
 EVERY = 2  # of the grid, ways at which the mismatch is looked at
 SIDES = ("left", "right")
-COHERENT = 0.6  # a mismatch above this share of the signal: the wheels do not share a profile
+NEAR, FAR = (0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15), (0.7, 1.4)  # of the slip coefficient
+COHERENT = 0.5  # mismatch near over far; above it the wheels do not share a profile
+CROSS_SLOPE = 5.0  # 1/m, how fast the mismatch grows beside the rut, of the far mismatch
+LEAST_ROWS = 50
 LIKE_NOISE = 2.0  # neighbouring mismatches share their noise: their sigma is raised by this
-LEAST = 1e-4  # m
+LEAST = 2e-4  # m
 
 
 @dataclass(frozen=True)
@@ -82,18 +85,23 @@ def _gridded(grid: Array, way: Array, height: Array) -> Array:
 
 
 def _weighed(track: Track, k: Array) -> Track | None:
-    """Sigma from the mismatch itself, larger beside the rut; None where nothing coheres."""
-    if len(track.at) < 50:
+    """Sigma from the mismatch itself, larger beside the rut; None where nothing coheres.
+
+    Wheels that share a profile match sharply near the true slip and not at all far from it.
+    """
+    if len(track.at) < LEAST_ROWS:
         return None
-    r, _ = mismatch(track.profile, track.at, k[track.segment])
-    straight = track.offset <= np.quantile(track.offset, 0.5)
-    noise = 1.4826 * float(np.median(np.abs(r[straight])))
-    signal = float(np.std(track.profile.front) + np.std(track.profile.rear)) / np.sqrt(2)
-    if noise > COHERENT * signal or signal < 5 * LEAST:
+
+    def noise(share: float) -> float:
+        r, _ = mismatch(track.profile, track.at[straight], share * k[track.segment][straight])
+        return 1.4826 * float(np.median(np.abs(r)))
+
+    straight = track.offset <= np.median(track.offset)
+    near, far = min(noise(f) for f in NEAR), min(noise(f) for f in FAR)
+    if near > COHERENT * far or far < LEAST:
         return None
-    slope = 2 * signal / max(track.profile.L_1, track.profile.L_2)
-    sigma = LIKE_NOISE * np.hypot(max(noise, LEAST), slope * track.offset)
-    return Track(**{**track.__dict__, "sigma": sigma})
+    sigma = LIKE_NOISE * np.hypot(max(noise(1.0), LEAST), CROSS_SLOPE * far * track.offset)
+    return replace(track, sigma=sigma)
 
 
 def blocks(found: list[Track], calibration: Array, layout: Layout) -> list[Block]:
