@@ -101,9 +101,9 @@ def smooth(
     check_replaceable(out)
     with Stages() as stages:
         stages("starting")
-        from graphnav import pipeline
+        from graphnav.pipeline import smooth as smoothed
 
-        pipeline.smooth(
+        smoothed(
             run,
             vehicle_path=vehicle,
             out=out,

@@ -71,7 +71,7 @@ def read_samples(file: TableFile, vehicle: Vehicle) -> Samples:
     if "time" not in names:
         raise missing_column(file, "time", "every run needs its clock [s]")
     numbers = file.numbers(list(dict.fromkeys(names.values())))
-    scaled = {c: numbers[name] * _factor(vehicle, c) for c, name in names.items()}
+    scaled = {c: _scaled(numbers[name], _factor(vehicle, c)) for c, name in names.items()}
     ignored = tuple(name for name in file.header if name not in names.values())
     samples = Samples(file, scaled, ignored)
     _check_clock(samples)
@@ -94,6 +94,10 @@ def _file_names(file: TableFile, vehicle: Vehicle) -> dict[str, str]:
             )
     names = {c: mapped.get(c, c) for c in columns.DIMENSION}
     return {c: name for c, name in names.items() if name in file.header}
+
+
+def _scaled(values: Array, factor: float) -> Array:
+    return values if factor == 1.0 else values * factor  # a copy of a long run takes its time
 
 
 def _factor(vehicle: Vehicle, column: str) -> float:

@@ -19,6 +19,7 @@ lon = 10.0
 height = 100.0
 heading_deg = 30.0
 """
+PULSES = VEHICLE + '[odometer]\ncolumn = "odo_pulses"\nmetres_per_pulse = 0.02\n'
 
 
 def shared(name: str) -> Path:
@@ -50,6 +51,17 @@ def driven(seconds: float = 60.0, rate: float = 50.0, seed: int = 0) -> pd.DataF
             "accel_y": gain + 1e-3 * noise[:, 4],
             "accel_z": GRAVITY + 1e-3 * noise[:, 5],
             "odo_speed": np.where(np.arange(len(time)) % round(rate / 5) == 0, speed, np.nan),
+        }
+    )
+
+
+def fixes(table: pd.DataFrame, every: int = 50) -> pd.DataFrame:
+    """The table with a fix in every `every`-th row."""
+    at = np.arange(len(table)) % every == 0
+    return table.assign(
+        **{
+            name: np.where(at, value, np.nan)
+            for name, value in {"gnss_lat": 45.0, "gnss_lon": 10.0, "gnss_height": 100.0}.items()
         }
     )
 
