@@ -37,7 +37,8 @@ def layout(vehicle: Vehicle, table: dict[str, Correction]) -> Layout:
     if vehicle.kind == "wheeled":
         components.append(Component("cornering", np.zeros(1), _one(CORNERING_SD)))
     for state, row in table.items():
-        if row.use_odometer and row.factor != 1 or row.half_gauge > 0:
+        ground = row.factor != 1 or row.half_gauge > 0
+        if row.use_odometer and ground and row.factor_sd > 0:
             components.append(Component(f"forward:{state}", _one(row.factor), _one(row.factor_sd)))
     length = vehicle.body.contact_length
     for state, row in table.items():

@@ -33,7 +33,7 @@ def finish(smoothed: Smoothed) -> Solved:
         blocks=smoothed.solution.blocks,
         weights=smoothed.solution.weights,
         reckoned=smoothed.reckoned,
-        odometry=_odometry(smoothed),
+        odometry=_odometry(smoothed, R_bm),
         fixes_n=_fixes(smoothed),
         rests=prep.rests,
         solver={
@@ -57,7 +57,7 @@ def _fixes(smoothed: Smoothed) -> Array:
     return smoothed.prep.alignment.origin.local(lat, lon, gnss.height)
 
 
-def _odometry(smoothed: Smoothed) -> Odometry | None:
+def _odometry(smoothed: Smoothed, R_bm: Array) -> Odometry | None:
     """Raw odometer speed and what the learnt corrections make of it, at 10 Hz."""
     prep, estimate = smoothed.prep, smoothed.estimate
     if prep.run.odometer is None:
@@ -84,4 +84,7 @@ def _odometry(smoothed: Smoothed) -> Odometry | None:
             sweep = row.half_gauge * np.abs(motion.yaw_rate[on]) * np.sign(motion.v_o[on])
             v_y[on] = factor * scale[on] * motion.v_o[on] - sweep
     v_x[np.isnan(v_y)] = np.nan
-    return Odometry(motion.time, motion.v_o, v_x, v_y)
+    # told at the IMU, as the trajectory is: the odometer point swings about it
+    lever_m = R_bm.T @ last[layout.slices["lever"]]
+    swing = motion.yaw_rate
+    return Odometry(motion.time, motion.v_o, v_x + swing * lever_m[1], v_y - swing * lever_m[0])

@@ -41,9 +41,18 @@ class Prepared:
 
 
 def prepare(
-    run: Run, vehicle: Vehicle, *, use_gnss: bool, outages: Outages, rate_hz: float = 10.0
+    run: Run,
+    vehicle: Vehicle,
+    *,
+    use_gnss: bool,
+    outages: Outages,
+    rate_hz: float = 10.0,
+    table: dict[str, Correction] | None = None,
 ) -> Prepared:
-    """Increments, standstill, alignment and calibration layout of a run."""
+    """Increments, standstill, alignment and calibration layout of a run.
+
+    `table` replaces the vehicle's correction table; rows with zero sd are held, not learnt.
+    """
     if run.imu is None:
         raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
     inc = increments(run.imu, min(GRID_S, 1 / rate_hz))
@@ -52,7 +61,7 @@ def prepare(
     still = standing(inc, run.odometer)
     rests = spans(still, inc.edge)
     alignment = align(used, vehicle, inc, standing_start(rests, inc))
-    table = correction_table(params(vehicle))
+    table = table or correction_table(params(vehicle))
     spec = vehicle.imu
     noise = InertialNoise(
         gyro=spec.gyro_noise_deg_sqrt_h * calibrations.DEG_SQRT_H,
