@@ -8,12 +8,14 @@ navigation-grade weights (design fact 3).
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import gtsam
 import numpy as np
 from scipy.linalg.lapack import dtrtri
 
 from factors.block import NODE_DIM, Block, Index
+from graphnav.assembly import Keys, gaussian_graph
 from graphnav.errors import SolutionError
 from graphnav.run import Array
 
@@ -30,26 +32,34 @@ class Chain:
     calibration_dim: int
     segment_of_interval: Index  # (N - 1,)
 
+    @cached_property
+    def keys(self) -> Keys:
+        """GTSAM's keys of all variables."""
+        x, c = gtsam.symbol("x", 0), gtsam.symbol("c", 0)
+        return Keys(
+            list(range(x, x + self.nodes)),
+            list(range(c, c + self.segments)),
+            self.segment_of_interval,
+        )
+
+    @cached_property
     def ordering(self) -> gtsam.Ordering:
-        """x_0 x_1 ... c_0 x_10 ...: every c after the first node of the next segment's interval."""
+        """x_0 ... x_9 c_0 x_10 ...: every c after the last node whose interval it acts on."""
         ordering = gtsam.Ordering()
         first = np.searchsorted(self.segment_of_interval, np.arange(self.segments + 1))
+        first[-1] = self.nodes
         for k in range(self.segments):
-            end = first[k + 1] if k + 1 < self.segments else self.nodes
-            for i in range(first[k], end):
-                ordering.push_back(gtsam.symbol("x", int(i)))
-            ordering.push_back(gtsam.symbol("c", k))
+            for key in self.keys.x[first[k] : first[k + 1]]:
+                ordering.push_back(key)
+            ordering.push_back(self.keys.c[k])
         return ordering
 
 
 def eliminate(blocks: Sequence[Block], chain: Chain) -> gtsam.GaussianBayesNet:
     """Square-root form of all blocks; raises SolutionError when a state is not determined."""
-    graph = gtsam.GaussianFactorGraph()
-    for block in blocks:
-        for factor in block.jacobian_factors():
-            graph.add(factor)
+    graph = gaussian_graph(blocks, chain.keys, chain.calibration_dim)
     try:
-        return graph.eliminateSequential(chain.ordering(), gtsam.EliminateQR)
+        return graph.eliminateSequential(chain.ordering, gtsam.EliminateQR)
     except RuntimeError as error:
         where = str(error).partition("Symbol: ")[2].partition(")")[0]
         raise SolutionError(
@@ -59,10 +69,9 @@ def eliminate(blocks: Sequence[Block], chain: Chain) -> gtsam.GaussianBayesNet:
 
 def step(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> tuple[Array, Array]:
     """Error states of all nodes (N, 10) and segments (K, dim) that minimise the linear system."""
-    delta = bayes_net.optimize()
-    nodes = np.array([delta.at(gtsam.symbol("x", i)) for i in range(chain.nodes)])
-    segments = np.array([delta.at(gtsam.symbol("c", k)) for k in range(chain.segments)])
-    return nodes, segments
+    flat = bayes_net.optimize().vector()  # in the order of the keys: 'c' before 'x'
+    split = chain.segments * chain.calibration_dim
+    return flat[split:].reshape(-1, NODE_DIM), flat[:split].reshape(chain.segments, -1)
 
 
 Joints = dict[int, Array]  # node i -> covariance of [x_i, x_{i+1}, c of the interval]
@@ -80,50 +89,57 @@ class Covariances:
 def covariances(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> Covariances:
     """All marginal covariances in one backward pass, linear in the number of states.
 
-    For `R x = d - S y`: `P_xx = (R^T R)^-1 + G P_yy G^T`, `P_xy = G P_yy`, `G = -R^-1 S`.
+    For `R x = d - S y`: `P_xx = (R^T R)^-1 + G P_yy G^T`, `P_xy = G P_yy`, `G = -R^-1 S`. The
+    parents of a variable all belong to the clique visited just before it.
     """
+    dim = chain.calibration_dim
     nodes = np.empty((chain.nodes, NODE_DIM, NODE_DIM))
-    calibration = np.empty((chain.segments, chain.calibration_dim, chain.calibration_dim))
+    calibration = np.empty((chain.segments, dim, dim))
     joints: Joints = {}
     stride = max(1, chain.nodes // JOINTS)
-    first_x, first_c = gtsam.symbol("x", 0), gtsam.symbol("c", 0)
-    joint, place = np.empty((0, 0)), dict[int, Array]()
+    first_x, first_c = chain.keys.x[0], chain.keys.c[0]
+    joint, place = np.empty((0, 0)), dict[int, slice]()
     for k in range(bayes_net.size() - 1, -1, -1):
         conditional = bayes_net.at(k)
-        keys = list(conditional.keys())
-        joint = _extended(joint, place, conditional, keys[1:])
-        widths = [NODE_DIM if key >= first_x else chain.calibration_dim for key in keys]
-        ends = np.cumsum(widths)
-        place = {
-            key: np.arange(end - width, end)
-            for key, end, width in zip(keys, ends, widths, strict=True)
-        }
-        own = joint[: widths[0], : widths[0]]
-        if keys[0] < first_x:
+        keys = conditional.keys()
+        joint = _extended(joint, [place[key] for key in keys[1:]], conditional)
+        end, place = 0, {}
+        for key in keys:
+            begin, end = end, end + (NODE_DIM if key >= first_x else dim)
+            place[key] = slice(begin, end)
+        own = joint[place[keys[0]], place[keys[0]]]
+        i = keys[0] - first_x
+        if i < 0:
             calibration[keys[0] - first_c] = own
             continue
-        i = keys[0] - first_x
         nodes[i] = own
         if i % stride == 0 and len(keys) == 3:
-            order = np.concatenate([place[key] for key in sorted(keys, key=lambda q: (q < first_x, q))])
-            joints[i] = joint[np.ix_(order, order)]
+            ordered = [keys[0], *sorted(keys[1:], reverse=True)]  # x_i, x_i+1, c
+            at = np.concatenate([np.arange(place[q].start, place[q].stop) for q in ordered])
+            joints[i] = joint[at[:, None], at]
     return Covariances(nodes, calibration, joints)
 
 
 def _extended(
-    joint: Array, place: dict[int, Array], conditional: gtsam.GaussianConditional, parents: list[int]
+    joint: Array, parents: list[slice], conditional: gtsam.GaussianConditional
 ) -> Array:
     """Joint covariance of one conditional's variable and its parents, parents taken from `joint`."""
     inverse = dtrtri(conditional.R())[0]
-    own = inverse @ inverse.T
     if not parents:
-        return own
-    columns = np.concatenate([place[key] for key in parents])
-    P_yy = joint[np.ix_(columns, columns)]
-    G = -inverse @ conditional.S()
-    P_xy = G @ P_yy
-    size = len(own)
-    out = np.empty((size + len(columns), size + len(columns)))
-    out[:size, :size] = own + P_xy @ G.T
-    out[:size, size:], out[size:, :size], out[size:, size:] = P_xy, P_xy.T, P_yy
+        return inverse @ inverse.T
+    size = len(inverse)
+    total = size + sum(p.stop - p.start for p in parents)
+    out = np.empty((total, total))
+    at = size
+    ends = []
+    for parent in parents:
+        ends.append((slice(at, at + parent.stop - parent.start), parent))
+        at += parent.stop - parent.start
+    for rows, parent in ends:
+        for columns, other in ends:
+            out[rows, columns] = joint[parent, other]
+    G = inverse @ conditional.S()
+    P_xy = -(G @ out[size:, size:])
+    out[:size, size:], out[size:, :size] = P_xy, P_xy.T
+    out[:size, :size] = inverse @ inverse.T - P_xy @ G.T
     return out

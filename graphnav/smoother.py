@@ -76,6 +76,7 @@ def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoo
     timeline = _recognised(prep, path, estimate, None)
     iterations = 0
     scales: dict[str, float] = {}
+    stands = False
     for round_ in range(1, MAX_ROUNDS + 1):
         nodes_next = _nodes(prep, timeline.boundaries)
         estimate = _moved(estimate, nodes, path, nodes_next)
@@ -88,15 +89,17 @@ def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoo
         iterations += solution.iterations
         estimate = solution.estimate
         path = densify(prep.inc, problem.pre, nodes, estimate, prep.alignment.origin)
-        told(f"motion states, round {round_}")
-        again = _recognised(prep, path, estimate, nodes)
-        stands = disagreement(timeline, again) < SAME_TIMELINE
         told(f"covariances, round {round_}")
         found = covariances(solution.bayes_net, problem.chain)
         if round_ >= MIN_ROUNDS and stands:
             break
+        told(f"motion states, round {round_}")
+        again = _recognised(prep, path, estimate, nodes)
+        stands = disagreement(timeline, again) < SAME_TIMELINE
         timeline = again
         scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
+    told("state probabilities")
+    timeline = _recognised(prep, path, estimate, nodes, final=True)
     return Smoothed(
         prep, problem, solution, timeline, found, reckoned, path, scales, iterations, round_
     )
@@ -155,12 +158,20 @@ def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
 
 
 def _recognised(
-    prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None
+    prep: Prepared,
+    path: Path,
+    estimate: Estimate,
+    nodes: Nodes | None,
+    final: bool = False,
 ) -> Timeline:
-    """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
+    """Motion states of a path; for vehicles other than tracked: stop and moving from standstill.
+
+    The `final` one comes with its probabilities.
+    """
     if prep.vehicle.kind != "tracked" or prep.run.odometer is None:
         mid = 0.5 * (path.time[1:] + path.time[:-1])
         state = np.where(prep.still, "stop", "moving")
         timeline = timeline_from_states(mid, state)
         return timeline.covering(float(path.time[0]), float(path.time[-1]))
-    return recognise(kinematics(prep, path, estimate, nodes), params(prep.vehicle))
+    motion = kinematics(prep, path, estimate, nodes)
+    return recognise(motion, params(prep.vehicle), with_probability=final)

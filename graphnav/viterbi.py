@@ -24,45 +24,59 @@ class Chain:
 
 
 def most_probable(chain: Chain) -> NDArray[np.intp]:
-    """Most probable state of every step as one sequence, (T,). Viterbi 1967."""
+    """Most probable state of every step as one sequence, (T,). Viterbi 1967.
+
+    Only states that have dwelt long enough are carried from step to step; an entry joins them
+    `dwell` steps later with the likelihood of those steps as one sum.
+    """
     steps, states = chain.likelihood.shape
-    last = chain.dwell - 1
-    score = np.full((states, chain.dwell), -np.inf)
-    score[:, last] = chain.initial + chain.likelihood[0]
+    wait = chain.dwell - 1
+    total = np.concatenate([np.zeros((1, states)), np.cumsum(chain.likelihood, 0)])
+    waited = total[wait + 1 :] - total[: steps - wait]  # of the steps t - wait .. t
+    staying = chain.likelihood + chain.stay
+    entry = np.full((steps, states), -np.inf)
     came_from = np.zeros((steps, states), dtype=np.intp)  # best state to have left
     entered = np.zeros((steps, states), dtype=np.intp)  # step at which the dwelt state was entered
-    fresh = np.zeros((states, chain.dwell), dtype=np.intp)
+    score = chain.initial + chain.likelihood[0]
     every = np.arange(states)
     for t in range(1, steps):
-        options = score[:, last, None] + chain.change[t]
-        came_from[t] = options.argmax(axis=0)
-        enter, stay = options[came_from[t], every], score[:, last] + chain.stay
-        started = fresh[:, last].copy()
-        score[:, 1:], fresh[:, 1:] = score[:, :last], fresh[:, :last]  # numpy minds the overlap
-        score[:, 0], fresh[:, 0] = enter, t
-        longer = stay >= score[:, last]
-        score[:, last] = np.where(longer, stay, score[:, last])
-        fresh[:, last] = np.where(longer, started, fresh[:, last])
-        score += chain.likelihood[t][:, None]
-        entered[t] = fresh[:, last]
-    return _trace_back(score, fresh, entered, came_from)
+        options = score[:, None] + chain.change[t]
+        best = options.argmax(axis=0)
+        came_from[t], entry[t] = best, options[best, every]
+        score = score + staying[t]
+        since = t - wait
+        if since < 1:
+            entered[t] = entered[t - 1]
+            continue
+        joined = entry[since] + waited[since]
+        better = joined > score
+        score = np.where(better, joined, score)
+        entered[t] = np.where(better, since, entered[t - 1])
+    return _trace_back(score, entry, total, entered, came_from, wait)
 
 
 def _trace_back(
     score: Array,
-    fresh: NDArray[np.intp],
+    entry: Array,
+    total: Array,
     entered: NDArray[np.intp],
     came_from: NDArray[np.intp],
+    wait: int,
 ) -> NDArray[np.intp]:
-    """Walk from the best final cell back, one segment at a time."""
-    path = np.empty(len(entered), dtype=np.intp)
-    state, cell = np.unravel_index(int(score.argmax()), score.shape)
-    end, begin = len(path), int(fresh[state, cell])
+    """Walk back one segment at a time from the best end: dwelt, or entered in the last steps."""
+    steps = len(entered)
+    path = np.empty(steps, dtype=np.intp)
+    state, begin = int(score.argmax()), int(entered[-1, score.argmax()])
+    late = entry[steps - wait :] + total[-1] - total[steps - wait : steps]
+    if wait and late.max() > score.max():
+        row, state = (int(k) for k in np.unravel_index(int(late.argmax()), late.shape))
+        begin = steps - wait + row
+    end = steps
     while True:
         path[begin:end] = state
         if begin == 0:
             return path
-        state = came_from[begin, state]
+        state = int(came_from[begin, state])
         end, begin = begin, int(entered[begin - 1, state])
 
 
