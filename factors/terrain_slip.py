@@ -39,8 +39,20 @@ class Profile:
         return max(self.L_1, self.L_2)
 
 
-def mismatch(profile: Profile, at: Array, k: Array) -> tuple[Array, Array]:
-    """Residual r (n,) m at ways `at` (n,) m for slip coefficients `k` (n,), and its d/dk."""
+def arc_share(curvature: Array, length: float) -> Array:
+    """How much shorter than `length` m the arc between two wheels is when driving a curve (n,) 1/m.
+
+    The wheels stand on a straight line that touches the circle: arc = atan(c L) / c.
+    """
+    turned = np.abs(curvature) * length
+    return np.where(turned < 1e-3, 1.0, np.arctan(turned) / np.maximum(turned, 1e-3))
+
+
+def mismatch(profile: Profile, at: Array, k: Array, arc: Array) -> tuple[Array, Array]:
+    """Residual r (n,) m at ways `at` (n,) m for slip coefficients `k` (n,), and its d/dk.
+
+    `arc` (n,) is what curves shorten the axles' distances by (`arc_share`).
+    """
     L_1, L_2 = profile.L_1, profile.L_2  # the offsets below are true metres
     parts = (
         (1.0, profile.front, 0.0),
@@ -51,16 +63,18 @@ def mismatch(profile: Profile, at: Array, k: Array) -> tuple[Array, Array]:
     grid = profile.step * np.arange(len(profile.front))
     r, dr = np.zeros_like(at), np.zeros_like(at)
     for sign, heights, offset in parts:
-        where = at + offset / k
+        reach = offset * arc
+        where = at + reach / k
         r += sign * np.interp(where, grid, heights)
         slope = np.interp(where, grid, np.gradient(heights, profile.step))
-        dr -= sign * slope * offset / k**2
+        dr -= sign * slope * reach / k**2
     return r, dr
 
 
 def terrain_slip(
     profile: Profile,
     at: Array,
+    arc: Array,
     calibration: Array,
     layout: Layout,
     segment: Index,
@@ -68,9 +82,9 @@ def terrain_slip(
     time: Array,
     side: str,
 ) -> Block:
-    """One row per way `at` (n,) m; `sigma` (n,) m, `time` (n,) s."""
+    """One row per way `at` (n,) m, its `arc` (n,); `sigma` (n,) m, `time` (n,) s."""
     column = layout.column("slip_coefficient")
-    r, dr = mismatch(profile, at, calibration[segment, column])
+    r, dr = mismatch(profile, at, calibration[segment, column], arc)
     J = np.zeros((len(at), 1, layout.dim))
     J[:, 0, column] = dr / sigma
     term = Term("c", segment, J)

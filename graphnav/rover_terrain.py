@@ -7,7 +7,7 @@ import numpy as np
 from factors import so3
 from factors.block import Block, Index
 from factors.calibration import Layout
-from factors.terrain_slip import Profile, mismatch, terrain_slip
+from factors.terrain_slip import Profile, arc_share, mismatch, terrain_slip
 from graphnav.densify import Path
 from graphnav.nodes import Nodes
 from graphnav.rover import Wheels
@@ -20,7 +20,7 @@ NEAR, FAR = (0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15), (0.7, 1.4)  # of the slip c
 COHERENT = 0.5  # mismatch near over far; above it the wheels do not share a profile
 CROSS_SLOPE = 5.0  # 1/m, how fast the mismatch grows beside the rut, of the far mismatch
 LEAST_ROWS = 50
-LIKE_NOISE = 2.0  # neighbouring mismatches share their noise: their sigma is raised by this
+LIKE_NOISE = 3.0  # neighbouring mismatches share their noise: their sigma is raised by this
 LEAST = 2e-4  # m
 
 
@@ -33,6 +33,7 @@ class Track:
     at: Array  # (n,) m, ways at k = 1
     time: Array  # (n,) s
     segment: Index  # (n,)
+    arc: Array  # (n,) shortening of the axles' distances in curves
     offset: Array  # (n,) m, how far the middle wheel runs beside the others' rut (turns)
     sigma: Array  # (n,) m
 
@@ -71,10 +72,11 @@ def _track(wheels: Wheels, nodes: Nodes, up: Array, side: int, k: Array) -> Trac
     forward = np.abs(over_window(back)) < 0.02
     curvature = np.abs(over_window(wheels.yaw)) / (2 * margin)
     keep = forward & (curvature < 1.0)
-    at, at_time, offset = at[keep], at_time[keep], (0.5 * curvature * profile.reach**2)[keep]
+    at, at_time, curvature = at[keep], at_time[keep], curvature[keep]
+    arc, offset = arc_share(curvature, profile.reach), 0.5 * curvature * profile.reach**2
     interval = np.clip(np.searchsorted(nodes.time, at_time) - 1, 0, len(nodes.segment) - 1)
     segment = nodes.segment[interval]
-    return _weighed(Track(SIDES[side], profile, at, at_time, segment, offset, at), k)
+    return _weighed(Track(SIDES[side], profile, at, at_time, segment, arc, offset, at), k)
 
 
 def _gridded(grid: Array, way: Array, height: Array) -> Array:
@@ -93,7 +95,8 @@ def _weighed(track: Track, k: Array) -> Track | None:
         return None
 
     def noise(share: float) -> float:
-        r, _ = mismatch(track.profile, track.at[straight], share * k[track.segment][straight])
+        at, arc = track.at[straight], track.arc[straight]
+        r, _ = mismatch(track.profile, at, share * k[track.segment][straight], arc)
         return 1.4826 * float(np.median(np.abs(r)))
 
     straight = track.offset <= np.median(track.offset)
@@ -107,6 +110,8 @@ def _weighed(track: Track, k: Array) -> Track | None:
 def blocks(found: list[Track], calibration: Array, layout: Layout) -> list[Block]:
     """The tracks' factors at an estimate."""
     return [
-        terrain_slip(t.profile, t.at, calibration, layout, t.segment, t.sigma, t.time, t.side)
+        terrain_slip(
+            t.profile, t.at, t.arc, calibration, layout, t.segment, t.sigma, t.time, t.side
+        )
         for t in found
     ]
