@@ -14,7 +14,7 @@ from graphnav.earth import G_STANDARD
 from graphnav.errors import InputError
 from graphnav.increments import GRID_S, increments
 from graphnav.run import Array, Gnss, Run
-from graphnav.standstill import Mask, spans, standing
+from graphnav.standstill import Mask, rocking, spans, standing
 from graphnav.vehicle import Vehicle
 
 Outages = Sequence[tuple[float, float]]  # on the file's clock, s
@@ -38,6 +38,7 @@ class Prepared:
     layout: Layout
     gnss: Gnss | None  # fixes in use
     fixes_n: Array  # (F, 3) m, the fixes in use, in n
+    rocking: Array  # (3,) rad, how far the standing vehicle rocks, one sigma by axis
 
 
 def prepare(
@@ -62,19 +63,25 @@ def prepare(
     rests = spans(still, inc.edge)
     alignment = align(used, vehicle, inc, standing_start(rests, inc))
     table = table or correction_table(params(vehicle))
-    spec = vehicle.imu
-    noise = InertialNoise(
-        gyro=spec.gyro_noise_deg_sqrt_h * calibrations.DEG_SQRT_H,
-        accel=spec.accel_noise_mg_sqrt_hz * 1e-3 * G_STANDARD,
-    )
+    noise = inertial_noise(vehicle)
     fixes = np.zeros((0, 3))
     if gnss is not None:
         fixes = alignment.origin.local(
             np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
         )
     layout = calibrations.layout(vehicle, table)
+    rock = rocking(inc, rests)
     return Prepared(
-        run, used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes
+        run, used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes, rock
+    )
+
+
+def inertial_noise(vehicle: Vehicle) -> InertialNoise:
+    """White noise of the vehicle's inertial sensors, SI."""
+    spec = vehicle.imu
+    return InertialNoise(
+        gyro=spec.gyro_noise_deg_sqrt_h * calibrations.DEG_SQRT_H,
+        accel=spec.accel_noise_mg_sqrt_hz * 1e-3 * G_STANDARD,
     )
 
 

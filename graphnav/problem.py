@@ -18,7 +18,6 @@ from graphnav.estimate import Estimate
 from graphnav.motion import Factor, Scales, States, motion_factors
 from graphnav.nodes import Nodes, nearest_node
 from graphnav.preparation import Prepared
-from graphnav.standstill import rocking
 from graphnav.timeline import Timeline
 
 STILL_VELOCITY, STILL_POSITION = 2e-3, 1e-3  # m/s, m
@@ -99,7 +98,7 @@ def _inertial(prep: Prepared, nodes: Nodes, pre: Preintegrated) -> Factor:
 
 
 def _standstill(prep: Prepared, nodes: Nodes, resting: Index) -> Factor:
-    rotation = np.sqrt(2) * rocking(prep.inc, prep.rests) + STILL_ROTATION
+    rotation = np.sqrt(2) * prep.rocking + STILL_ROTATION
     noise = StandstillNoise(rotation, STILL_VELOCITY, STILL_POSITION)
     time = nodes.time[resting + 1]
     return lambda x: (

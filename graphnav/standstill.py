@@ -21,21 +21,29 @@ def standing(inc: Increments, odometer: Odometer | None) -> Mask:
     With an odometer its silence names the candidates, and the quietness usual among them decides;
     an odometer that reads zero while the vehicle creeps is thus overruled by the IMU.
     """
+    shake, turn, slow, silent = quietness(inc, odometer)
+    if odometer is None:
+        quiet = (shake < QUIET_FORCE) & (turn < QUIET_RATE) & slow
+    else:
+        if not silent.any():
+            return silent
+        quiet = silent & (shake < 4 * np.median(shake[silent]) + 1e-3)
+        quiet &= turn < 4 * np.median(turn[silent]) + 1e-6
+    return _long_enough(quiet, np.diff(inc.edge))
+
+
+def quietness(
+    inc: Increments, odometer: Odometer | None
+) -> tuple[Array, Array, Mask, Mask]:
+    """How quiet it is about each increment: deviation of force [m/s^2] and of rate [rad/s], whether
+    it turns slowly, whether the odometer (if any) shows no motion; (M,) each, over `WINDOW_S`.
+    """
     dt = np.diff(inc.edge)
     width = max(3, round(WINDOW_S / float(np.median(dt))))
     force, rate = inc.velocity / dt[:, None], inc.rotation / dt[:, None]
-    shake = _deviation(force, width)
-    turn = _deviation(rate, width)
-    if odometer is None:
-        slow = np.linalg.norm(uniform_filter1d(rate, width, axis=0), axis=1) < SLOW_RATE
-        quiet = (shake < QUIET_FORCE) & (turn < QUIET_RATE) & slow
-    else:
-        still = _odometer_silent(inc, odometer)
-        if not still.any():
-            return still
-        quiet = still & (shake < 4 * np.median(shake[still]) + 1e-3)
-        quiet &= turn < 4 * np.median(turn[still]) + 1e-6
-    return _long_enough(quiet, dt)
+    slow = np.linalg.norm(uniform_filter1d(rate, width, axis=0), axis=1) < SLOW_RATE
+    silent = np.zeros(len(dt), bool) if odometer is None else _odometer_silent(inc, odometer)
+    return _deviation(force, width), _deviation(rate, width), slow, silent
 
 
 def spans(mask: Mask, edge: Array) -> Array:
