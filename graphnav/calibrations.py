@@ -6,7 +6,7 @@ from factors.calibration import Component, Layout
 from factors.displacement import Columns
 from graphnav.corrections import Correction
 from graphnav.earth import G_STANDARD
-from graphnav.run import Array
+from graphnav.run import Array, Gnss
 from graphnav.vehicle import Vehicle
 
 DEG_H = np.deg2rad(1) / 3600  # rad/s
@@ -15,11 +15,15 @@ MG = 1e-3 * G_STANDARD  # m/s^2
 
 BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hour
 CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
+COMMON_OFFSET = 0.3  # of a fix's sd: what all fixes of a run have in common
 SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
 
 
-def layout(vehicle: Vehicle, table: dict[str, Correction]) -> Layout:
-    """The calibration vector: biases, scale, mounting, lever arm, delay, and the ground by state."""
+def layout(vehicle: Vehicle, table: dict[str, Correction], gnss: Gnss | None) -> Layout:
+    """The calibration vector: biases, scale, mounting, lever arm, delay, and the ground by state.
+
+    With fixes in use also the antenna's lever arm and their common offset.
+    """
     imu, odometer = vehicle.imu, vehicle.odometer
     gyro, accel = imu.gyro_bias_deg_h * DEG_H, imu.accel_bias_mg * MG
     mount_sd = np.deg2rad(odometer.mount_sd_deg)
@@ -45,7 +49,19 @@ def layout(vehicle: Vehicle, table: dict[str, Correction]) -> Layout:
         if row.kappa_sd > 0:
             prior, sd = row.kappa * length, row.kappa_sd * length
             components.append(Component(f"lateral:{state}", _one(prior), _one(sd)))
-    return Layout(tuple(components))
+    return Layout((*components, *gnss_components(vehicle, gnss)))
+
+
+def gnss_components(vehicle: Vehicle, gnss: Gnss | None) -> list[Component]:
+    """Antenna lever arm and common offset, where fixes are in use."""
+    if gnss is None:
+        return []
+    spec = vehicle.gnss
+    common = COMMON_OFFSET * np.median(gnss.sd_enu, 0)
+    return [
+        Component("antenna", spec.lever_b, np.full(3, spec.lever_arm_sd)),
+        Component("gnss_offset", np.zeros(3), common),
+    ]
 
 
 def columns(layout: Layout) -> Columns:

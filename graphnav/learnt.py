@@ -52,6 +52,9 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
         add("time_offset_s", "s", ("odometer",), of("delay"), 1.0)
     if "cornering" in layout.slices:
         add("cornering_slip_s", "s", ("tyres",), of("cornering"), 1.0)
+    if "antenna" in layout.slices:
+        add("antenna_lever_arm_m", "m", XYZ, of("antenna"), 1.0)
+        add("gnss_offset_m", "m", ("east", "north", "up"), of("gnss_offset"), 1.0)
     driven = set(smoothed.problem.state)
     for prefix, name, unit in (
         ("forward:", "forward_factor", "1"),

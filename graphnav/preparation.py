@@ -69,7 +69,7 @@ def prepare(
         fixes = alignment.origin.local(
             np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
         )
-    layout = calibrations.layout(vehicle, table)
+    layout = calibrations.layout(vehicle, table, gnss)
     rock = rocking(inc, rests)
     return Prepared(
         run, used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes, rock

@@ -9,7 +9,7 @@ from factors.calibration import prior as calibration_prior
 from factors.calibration import walk
 from factors.heading import heading
 from factors.inertial import Field, inertial
-from factors.position import position
+from factors.position import Fixes, position
 from factors.preintegration import Preintegrated, interval_of_increment, preintegrate
 from factors.standstill import StandstillNoise, standstill
 from factors.start import start
@@ -115,9 +115,11 @@ def _gnss(prep: Prepared, nodes: Nodes, scales: Scales) -> Factor:
     pick = pick[np.abs(dt[pick]) < FIX_REACH_S]
     factor_of = np.array([scales.get(f"gnss::{axis}", 1.0) for axis in ("east", "north", "up")])
     sigma = np.maximum(prep.gnss.sd_enu[pick], FIX_SD) * factor_of
-    fixes, at, late = prep.fixes_n[pick], node[pick], dt[pick]
-    time, lever = prep.gnss.time[pick], prep.vehicle.gnss.lever_b
-    return lambda x: [position(fixes, sigma, lever, late, at, x.R_nb, x.v_n, x.p_n, time)]
+    at = node[pick]
+    segment = nodes.segment[np.minimum(at, len(nodes.segment) - 1)]
+    fixes = Fixes(prep.fixes_n[pick], sigma, dt[pick], at, segment, prep.gnss.time[pick])
+    antenna, offset = prep.layout.column("antenna"), prep.layout.column("gnss_offset")
+    return lambda x: [position(fixes, antenna, offset, x.R_nb, x.v_n, x.p_n, x.calibration)]
 
 
 def _heading(prep: Prepared, nodes: Nodes) -> Factor:

@@ -15,12 +15,13 @@ from factors.calibration import Component, Layout
 from factors.calibration import prior as calibration_prior
 from factors.heading import heading
 from factors.inertial import Field, inertial
-from factors.position import position
+from factors.position import Fixes, position
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
 from graphnav import rover, rover_terrain
 from graphnav.angles import rotation_of_angles
 from graphnav.earth import G_STANDARD, Origin
+from graphnav.calibrations import gnss_components
 from graphnav.elimination import Chain
 from graphnav.errors import InputError
 from graphnav.estimate import Estimate
@@ -52,7 +53,6 @@ class RoverProblem:
 
     run: Run
     origin: Origin
-    antenna_b: Array  # (3,) m, lever arm of the fixes
     wheels: rover.Wheels
     sums: wv.WheelSums
     nodes: Nodes
@@ -88,10 +88,8 @@ def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
     )
     sums = rover.sums_between(wheels, nodes.time)
     known = _start(run, vehicle, wheels, nodes, origin)
-    lever = vehicle.gnss.lever_b
-    return RoverProblem(
-        run, origin, lever, wheels, sums, nodes, layout, wandering, known, inc, noise
-    )
+    layout = Layout((*layout.components, *gnss_components(vehicle, run.gnss)))
+    return RoverProblem(run, origin, wheels, sums, nodes, layout, wandering, known, inc, noise)
 
 
 def _origin(run: Run, vehicle: Vehicle) -> Origin:
@@ -276,8 +274,12 @@ def _gnss(problem: RoverProblem) -> Factor:
     """Position fixes, each at its nearest node."""
     gnss = problem.run.gnss
     assert gnss is not None
-    node, dt = nearest_node(problem.nodes, gnss.time)
+    nodes = problem.nodes
+    node, dt = nearest_node(nodes, gnss.time)
     on = np.flatnonzero(np.abs(dt) < FIX_REACH_S)
-    fixes, sigma = fixes_n(problem.run, problem.origin)[on], np.maximum(gnss.sd_enu[on], FIX_SD)
-    at, late, time, lever = node[on], dt[on], gnss.time[on], problem.antenna_b
-    return lambda x: [position(fixes, sigma, lever, late, at, x.R_nb, x.v_n, x.p_n, time)]
+    sigma = np.maximum(gnss.sd_enu[on], FIX_SD)
+    segment = nodes.segment[np.minimum(node[on], len(nodes.segment) - 1)]
+    p_n = fixes_n(problem.run, problem.origin)[on]
+    fixes = Fixes(p_n, sigma, dt[on], node[on], segment, gnss.time[on])
+    antenna, offset = problem.layout.column("antenna"), problem.layout.column("gnss_offset")
+    return lambda x: [position(fixes, antenna, offset, x.R_nb, x.v_n, x.p_n, x.calibration)]

@@ -12,7 +12,7 @@ from factors.calibration import walk
 from factors.displacement import Columns, Correction, OdometerSums, displacement, phase_prior
 from factors.heading import heading
 from factors.inertial import Field, inertial, predict
-from factors.position import position
+from factors.position import Fixes, position
 from factors.preintegration import Increments, InertialNoise, Preintegrated, preintegrate
 from factors.standstill import StandstillNoise, standstill
 from factors.start import Start, start
@@ -200,16 +200,16 @@ def test_jacobians_of_the_plain_factors(seed: int) -> None:
     x = random_estimate(rng, 4, 2, DIM)
     x.R_nb[2] = x.R_nb[1] @ so3.exp(0.3 * rng.normal(size=3))
     time = np.arange(4.0)
-    lever = rng.normal(size=3)
     noise = StandstillNoise(np.array([1e-3, 2e-3, 3e-3]), 1e-2, 1e-2)
     at_nodes = np.array([0, 2])
-    fixes, late = rng.normal(size=(2, 3)), np.array([0.01, -0.02])
+    fixes = Fixes(
+        rng.normal(size=(2, 3)), np.ones((2, 3)), np.array([0.01, -0.02]), at_nodes,
+        np.array([0, 1]), time[:2],
+    )  # fmt: skip
     known = Start(x.R_nb[0] @ so3.exp(0.2 * rng.normal(size=3)), x.v_n[0], x.p_n[0], np.ones(9))
     for function in (
         lambda e: standstill(np.array([1]), e.R_nb, e.v_n, e.p_n, time[:1], noise),
-        lambda e: position(
-            fixes, np.ones((2, 3)), lever, late, at_nodes, e.R_nb, e.v_n, e.p_n, time[:2]
-        ),
+        lambda e: position(fixes, 9, 12, e.R_nb, e.v_n, e.p_n, e.calibration),
         lambda e: heading(np.array([0.1, 3.0]), np.array([0.01, 0.02]), at_nodes, e.R_nb, time[:2]),
         lambda e: start(known, e.R_nb[0], e.v_n[0], e.p_n[0], 0.0),
         lambda e: phase_prior(e.phase, time, 0.02),
@@ -251,9 +251,13 @@ def test_zero_at_truth_of_the_plain_factors() -> None:
     forward = x.R_nb[node] @ np.array([0, 1.0, 0])
     azimuth = np.arctan2(forward[:, 0], forward[:, 1])
     known = Start(x.R_nb[0], x.v_n[0], x.p_n[0], np.ones(9))
+    c = np.concatenate([lever, np.zeros(3)])[None]
     blocks = [
         standstill(node, x.R_nb, x.v_n, x.p_n, time, StandstillNoise(np.full(3, 1e-6), 1e-3, 1e-3)),
-        position(fix, np.ones((2, 3)), lever, np.zeros(2), node, x.R_nb, x.v_n, x.p_n, time),
+        position(
+            Fixes(fix, np.ones((2, 3)), np.zeros(2), node, np.zeros(2, np.int64), time),
+            0, 3, x.R_nb, x.v_n, x.p_n, c,
+        ),
         heading(azimuth + 2 * np.pi, np.full(2, 0.01), node, x.R_nb, time),
         start(known, x.R_nb[0], x.v_n[0], x.p_n[0], 0.0),
     ]
