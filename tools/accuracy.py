@@ -1,0 +1,198 @@
+"""How accurate, and how honest: simulated runs of several seeds, smoothed and held against truth.
+
+    python tools/accuracy.py tracked --seeds 11-15 --ground soil
+    python tools/accuracy.py wheeled --grade tactical --duration 1200 --json
+
+One line per seed and their median; the tables of README.md are made by it. Runs are kept in --cache
+and simulated once. `NEES in bounds`: the mean squared normalised position error lies between the
+95 % limits of a chi-square mean, with as many independent samples as the error's own correlation
+leaves (an error that drifts for an hour is one sample, not 36,000).
+"""
+
+import argparse
+import json
+import time
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+from pandas import DataFrame
+from rich.box import MARKDOWN
+from rich.console import Console
+from rich.table import Table
+from scipy.stats import chi2
+
+from graphnav import trajectory
+from graphnav.compare import compare
+from graphnav.errors import GraphnavError
+from graphnav.pipeline import solve
+from graphnav.progress import Stages
+from graphnav.read import read_run
+from graphnav.run import Array
+from graphnav.simulation import simulate
+from graphnav.solved import Calibrated, Solved
+from graphnav.truth import read_truth
+from graphnav.vehicle_file import load_vehicle
+
+CACHE = Path.home() / ".cache" / "graphnav"
+SETTLED_S = 300.0  # wandering calibrations are judged after it
+FIGURES = {
+    "horizontal_max_m": "max [m]",
+    "horizontal_rms_m": "rms [m]",
+    "horizontal_end_m": "end [m]",
+    "permille_of_distance": "max/dist. [permille]",
+    "heading_rms_deg": "heading rms [deg]",
+    "nees_horizontal": "NEES (2)",
+    "nees_in_bounds": "in bounds",
+    "nees_heading": "heading NEES (1)",
+    "state_accuracy": "states right",
+    "seconds": "smoothed in [s]",
+}
+LONGEST_LAG = 0.5  # of the run
+
+
+def seeds(text: str) -> list[int]:
+    """`3`, `1,4,9` or `11-15`."""
+    first, dash, last = text.partition("-")
+    return list(range(int(first), int(last) + 1)) if dash else [int(s) for s in text.split(",")]
+
+
+def run_of(options: argparse.Namespace, seed: int) -> Path:
+    """The simulated run of a seed, from the cache where it is there."""
+    fixes = "gnss" if options.gnss else ""
+    words = (options.scenario, options.ground, options.grade, options.duration, fixes, seed)
+    where = options.cache / "_".join(str(word) for word in words if word)
+    if not (where / "run.csv.gz").exists():
+        chosen = {k: getattr(options, k) for k in ("grade", "ground", "duration", "gnss")}
+        simulate(options.scenario, where, seed, **chosen)
+    return where
+
+
+def judged(directory: Path) -> dict[str, Any]:
+    """Every figure of one run."""
+    path = directory / "run.csv.gz"
+    truth = read_truth(directory / "truth.csv.gz")
+    vehicle = load_vehicle(None, path)
+    run = read_run(path, vehicle)
+    began = time.perf_counter()
+    solved = solve(run, vehicle, True, (), 10.0, Stages(show=False))
+    took = time.perf_counter() - began
+    table = DataFrame(trajectory.table(solved, 10.0))
+    found = compare(table, truth).as_dict() | {"seconds": took}
+    found["independent_samples"] = samples = independent(normalised(solved, table, truth))
+    low, high = chi2.ppf([0.025, 0.975], 2 * samples) / samples
+    found["nees_in_bounds"] = bool(low <= found["nees_horizontal"] <= high)
+    true = json.loads((directory / "truth_calibration.json").read_text())["calibration"]
+    return found | {"calibration": calibration_errors(solved, true)}
+
+
+def normalised(solved: Solved, table: DataFrame, truth: DataFrame) -> Array:
+    """East and north errors over their deviations at truth's times, once a second, (n, 2)."""
+    lla = np.deg2rad(truth["lat"]), np.deg2rad(truth["lon"]), truth["height"]
+    true = solved.origin.local(*(np.asarray(x) for x in lla))
+    once = np.unique(np.floor(truth["time"]), return_index=True)[1]
+    at = truth["time"].to_numpy()[once]
+
+    def own(name: str) -> Array:
+        return np.interp(at, table["time"], table[name])
+
+    pairs = zip(("e", "n"), true[once].T, strict=False)
+    return np.stack([(own(name) - there) / own(f"sd_{name}") for name, there in pairs], -1)
+
+
+def independent(errors: Array) -> float:
+    """Samples (n, 2) that are worth as much if they were independent, at least 1.
+
+    The squares of a process correlate as the square of its autocorrelation.
+    """
+    n = len(errors)
+    auto = np.zeros(round(LONGEST_LAG * n))
+    for column in errors.T:
+        spectrum = np.abs(np.fft.rfft(column, 2 * n)) ** 2
+        each = np.fft.irfft(spectrum)[: len(auto)] / np.arange(n, n - len(auto), -1)
+        auto += each / each[0] / 2
+    first = int(np.argmax(auto < 0)) or len(auto)
+    return float(max(n / (1 + 2 * np.sum(auto[1:first] ** 2)), 1.0))
+
+
+def calibration_errors(solved: Solved, true: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """By name and component: RMS error after `SETTLED_S`, its mean square in own variances."""
+    found = {}
+    for c in solved.calibrated:
+        for k, part in enumerate(c.components):
+            known = true.get(c.name)
+            if known is not None and part in known["components"]:
+                curve = np.array(known["value"])[:, known["components"].index(part)]
+                error, nees = _error(c, k, np.array(known["time"]), curve)
+                seen = c.observable[k]
+                found[f"{c.name} {part}"] = {"error": error, "nees": nees, "observable": seen}
+    return found
+
+
+def _error(c: Calibrated, k: int, time_: Array, curve: Array) -> tuple[float, float]:
+    late = c.time >= SETTLED_S if c.time[-1] > SETTLED_S else c.time >= 0
+    error = (c.value[:, k] - np.interp(c.time, time_, curve))[late]
+    return float(np.sqrt(np.mean(error**2))), float(np.mean((error / c.sd[late, k]) ** 2))
+
+
+def show(found: dict[str, dict[str, Any]], title: str) -> None:
+    """Both tables, in Markdown."""
+    keys = [k for k in FIGURES if any(f.get(k) is not None for f in found.values())]
+    table = Table(box=MARKDOWN)
+    table.add_column(title)
+    for key in keys:
+        table.add_column(FIGURES[key], justify="right")
+    for seed, figures in found.items():
+        table.add_row(seed, *(_cell(figures.get(key)) for key in keys))
+    table.add_row("median", *(_middle([f.get(key) for f in found.values()]) for key in keys))
+    console = Console(width=170)
+    console.print(table)
+    table = Table(box=MARKDOWN)
+    for heading in ("calibration", "median rms error", "median NEES (1)", "observable"):
+        table.add_column(heading)
+    each = [f["calibration"] for f in found.values()]
+    for name in each[0]:
+        of = [c[name] for c in each if name in c]
+        error, nees = (f"{median(c[key] for c in of):.3g}" for key in ("error", "nees"))
+        table.add_row(name, error, nees, f"{sum(c['observable'] for c in of)} of {len(of)}")
+    console.print(table)
+
+
+def _middle(values: list[Any]) -> str:
+    if all(isinstance(v, bool) for v in values):
+        return f"{sum(values)} of {len(values)}"
+    known = [v for v in values if v is not None]
+    return _cell(median(known) if known else None)
+
+
+def _cell(value: Any) -> str:
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "" if value is None else f"{value:.3g}"
+
+
+def main() -> None:
+    """Command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("scenario", help="tracked, wheeled, slip or rover")
+    parser.add_argument("--seeds", type=seeds, default=seeds("11-15"), help="3 or 1,4,9 or 11-15")
+    parser.add_argument("--ground", default="concrete", help="concrete or soil (tracked)")
+    parser.add_argument("--grade", help="IMU: navigation, fog, tactical, mems")
+    parser.add_argument("--duration", type=float, help="s; default: the scenario's")
+    parser.add_argument("--gnss", action="store_true", help="with satellite fixes")
+    parser.add_argument("--cache", type=Path, default=CACHE)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    try:
+        found = {str(seed): judged(run_of(options, seed)) for seed in options.seeds}
+    except GraphnavError as error:
+        raise SystemExit(f"accuracy: {error}") from None
+    if options.json:
+        print(json.dumps(found, indent=1))
+    else:
+        show(found, f"{options.scenario} {options.grade or ''} {options.ground}")
+
+
+if __name__ == "__main__":
+    main()
