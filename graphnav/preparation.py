@@ -5,21 +5,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from factors import so3
 from factors.calibration import Layout
-from factors.preintegration import Increments, InertialNoise
+from factors.preintegration import Increments, InertialNoise, preintegrate
 from graphnav import calibrations
 from graphnav.alignment import Alignment, align
 from graphnav.corrections import Correction, VehicleParams, correction_table
 from graphnav.earth import G_STANDARD
 from graphnav.errors import InputError
 from graphnav.increments import GRID_S, increments
+from graphnav.reckoning import inertial_path
 from graphnav.run import Array, Gnss, Run
-from graphnav.standstill import Mask, rocking, spans, standing
+from graphnav.standstill import (
+    STARTS_WITHIN_S,
+    Mask,
+    believable,
+    rocking,
+    spans,
+    standing,
+    within,
+)
 from graphnav.vehicle import Vehicle
 
 Outages = Sequence[tuple[float, float]]  # on the file's clock, s
 
-STANDING_START_S = 3.0  # a rest at least this long, begun in the first seconds, aligns
+STANDING_START_S = 3.0  # a rest at least this long, begun as the run starts, aligns
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,9 @@ def prepare(
     still = standing(inc, run.odometer)
     rests = spans(still, inc.edge)
     alignment = align(used, vehicle, inc, standing_start(rests, inc))
+    if run.odometer is None:
+        rests = believable(rests, *_reckoned_speed(inc, vehicle, alignment))
+        still = within(inc, rests)
     table = table or correction_table(params(vehicle))
     noise = inertial_noise(vehicle)
     fixes = np.zeros((0, 3))
@@ -85,6 +98,18 @@ def inertial_noise(vehicle: Vehicle) -> InertialNoise:
     )
 
 
+def _reckoned_speed(inc: Increments, vehicle: Vehicle, alignment: Alignment) -> tuple[Array, Array]:
+    """Forward speed from the IMU alone at 1 Hz: times and m/s."""
+    edge = np.unique(np.searchsorted(inc.edge, np.append(np.arange(inc.edge[0], inc.edge[-1]), 1e18)))
+    edge = np.unique(np.minimum(edge, len(inc.edge) - 1))
+    bias = np.tile(np.append(alignment.gyro_bias, np.zeros(3)), (len(edge) - 1, 1))
+    pre = preintegrate(inc, edge, bias, InertialNoise(1.0, 1.0))
+    R_bm = so3.exp(vehicle.odometer.mount_b)
+    start = alignment.start
+    R, v, _ = inertial_path(pre, start.R_nb, start.v_n, alignment.origin, R_bm)
+    return inc.edge[edge], so3.mtv(R @ R_bm, v)[:, 1]
+
+
 def params(vehicle: Vehicle) -> VehicleParams:
     """What state recognition must know of the vehicle."""
     body = vehicle.body
@@ -95,7 +120,7 @@ def params(vehicle: Vehicle) -> VehicleParams:
 
 def standing_start(rests: Array, inc: Increments) -> float:
     """End of a standing start, s; 0 when the run begins on the move."""
-    if len(rests) and rests[0, 0] - inc.edge[0] < 5.0:
+    if len(rests) and rests[0, 0] - inc.edge[0] < STARTS_WITHIN_S:
         start, end = rests[0]
         if end - start >= STANDING_START_S:
             return float(end)

@@ -102,9 +102,15 @@ def _accelerometer(reader: _Reader) -> Accelerometer | None:
 def _odometer(reader: _Reader, sides: SideSpeeds | None) -> Odometer | None:
     samples, spec = reader.samples, reader.vehicle.odometer
     there = [name for name in ("odo_pulses", "odo_speed") if name in samples.columns]
-    if spec.column is not None and spec.column not in there:
-        raise missing_column(samples.file, spec.column, "[odometer] column of the vehicle file")
     column = spec.column or (there[0] if there else None)
+    if column is not None and column not in there:
+        if there or samples.ignored:  # one of them may be it under another name
+            raise missing_column(samples.file, column, "[odometer] column of the vehicle file")
+        reader.notes.append(
+            f"the vehicle file names {column}, but the run has no such column: smoothed without "
+            "an odometer, on the non-holonomic constraint alone"
+        )
+        column = None
     if column == "odo_pulses":
         return _counted(reader)
     if column == "odo_speed":

@@ -16,7 +16,8 @@ from graphnav.run import Array
 Linearise = Callable[[Estimate], list[Block]]
 
 ROUGH, FINE = 1.0, 2e-2  # squared length of the last step in standard deviations, all states
-MAX_ITERATIONS = 40
+MAX_ITERATIONS, ROUGH_ITERATIONS = 40, 12
+HELD_FROM = 15  # and from which they stay: a redescending weight may creep for ever
 DAMPED_FROM = 6  # iteration from which weights are averaged with the last ones: no limit cycles
 
 
@@ -66,9 +67,12 @@ def gauss_newton(
         nodes, segments = step(bayes_net, chain)
         trial, trial_blocks = _descend(linearise, estimate, nodes, segments, weights, cost)
         length = sum(float(np.sum(b.change(nodes, segments) ** 2)) for b in weighted)
-        if length < tolerance:
+        # an early round need not settle: the next one begins where it ends
+        if length < tolerance or (tolerance >= ROUGH and iteration == ROUGH_ITERATIONS):
             return Solution(trial, trial_blocks, weights, bayes_net, iteration, cost)
         estimate, blocks = trial, trial_blocks
+        if iteration >= HELD_FROM:
+            continue
         fresh = [weights_of(block, robust) for block in blocks]
         damped = iteration >= DAMPED_FROM
         weights = [np.sqrt(w * f) if damped else f for w, f in zip(weights, fresh, strict=True)]

@@ -11,6 +11,8 @@ Mask = NDArray[np.bool_]
 
 WINDOW_S = 1.0
 SHORTEST_S = 1.0
+STARTS_WITHIN_S = 5.0  # of the run's start: a rest that begins later is no standing start
+SPEED_SLACK, SPEED_DRIFT = 0.3, 0.01  # m/s and m/s^2, of a speed reckoned from the IMU alone
 # without an odometer the IMU alone must be this still: m/s^2 and rad/s, standard deviations
 QUIET_FORCE, QUIET_RATE, SLOW_RATE = 0.06, 0.004, 0.01
 
@@ -52,6 +54,26 @@ def spans(mask: Mask, edge: Array) -> Array:
     return np.stack([edge[np.flatnonzero(change == 1)], edge[np.flatnonzero(change == -1)]], -1)
 
 
+def believable(rests: Array, time: Array, speed: Array) -> Array:
+    """The rests (K, 2) s at which a reckoned speed (n,) m/s at `time` may have been zero.
+
+    Without an odometer a smooth ride at constant speed is as quiet as a stop. The first rest, when
+    the run begins with it, is believed; each later one only while the speed reckoned since the last
+    believed rest is small against its own drift. A stop missed costs little, a false one ruins all.
+    """
+    kept: list[Array] = []
+    for rest in rests:
+        if not kept:
+            if rest[0] - time[0] < STARTS_WITHIN_S:
+                kept.append(rest)
+            continue
+        since = float(rest[0] - kept[-1][1])
+        gained = np.interp(rest, time, speed) - np.interp(kept[-1][1], time, speed)
+        if np.abs(gained).max() < SPEED_SLACK + SPEED_DRIFT * since:
+            kept.append(rest)
+    return np.array(kept).reshape(-1, 2)
+
+
 def rocking(inc: Increments, rests: Array) -> Array:
     """One sigma of the body's angle about its mean while it stands, by axis, (3,) rad.
 
@@ -68,6 +90,14 @@ def rocking(inc: Increments, rests: Array) -> Array:
             trend = t[:, None] * (t @ angle) / (t @ t)
             found.append((angle - trend).std(0))
     return np.median(found, 0) if found else np.zeros(3)
+
+
+def within(inc: Increments, rests: Array) -> Mask:
+    """Whether each increment lies in one of the rests, (M,)."""
+    mask = np.zeros(len(inc.edge) - 1, bool)
+    for start, end in rests:
+        mask |= (inc.edge[:-1] >= start - 1e-9) & (inc.edge[1:] <= end + 1e-9)
+    return mask
 
 
 def _deviation(x: Array, width: int) -> Array:
