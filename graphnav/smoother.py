@@ -1,6 +1,6 @@
 """From a prepared run to its estimate: dead reckoning, motion states and graph, in rounds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,7 @@ MIN_ROUNDS, MAX_ROUNDS = 3, 5
 SAME_TIMELINE = 0.002  # share of time that may still change its state
 FIX_SPACING_S = 0.45
 
+Weights = Mapping[str, Robust]
 FIRST = {
     "displacement": Robust("cauchy", 3.0),
     "velocity": Robust("cauchy", 3.0),
@@ -65,8 +66,16 @@ class Smoothed:
         return self.solution.estimate
 
 
-def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoothed:
-    """Smooth a run; `told` hears the name of each stage as it begins."""
+def smooth(
+    prep: Prepared,
+    told: Callable[[str], None] = lambda _: None,
+    robust: tuple[Weights, Weights] = (FIRST, FINAL),
+) -> Smoothed:
+    """Smooth a run; `told` hears the name of each stage as it begins.
+
+    `robust` holds the weight functions by factor kind of the first round and of the later ones:
+    convex first, redescending once the trajectory is near (a graduated schedule).
+    """
     told("dead reckoning")
     nodes = _nodes(prep, np.zeros(0))
     estimate = first_estimate(prep, nodes)
@@ -84,8 +93,8 @@ def smooth(prep: Prepared, told: Callable[[str], None] = lambda _: None) -> Smoo
         told(f"graph, round {round_}")
         problem = build(prep, nodes, timeline, estimate, scales)
         told(f"solve, round {round_}")
-        robust, tolerance = (FIRST, ROUGH) if round_ == 1 else (FINAL, FINE)
-        solution = gauss_newton(problem.linearise, estimate, problem.chain, robust, tolerance)
+        weights, tolerance = (robust[0], ROUGH) if round_ == 1 else (robust[1], FINE)
+        solution = gauss_newton(problem.linearise, estimate, problem.chain, weights, tolerance)
         iterations += solution.iterations
         estimate = solution.estimate
         path = densify(prep.inc, problem.pre, nodes, estimate, prep.alignment.origin)

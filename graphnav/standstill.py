@@ -13,6 +13,7 @@ WINDOW_S = 1.0
 SHORTEST_S = 1.0
 STARTS_WITHIN_S = 5.0  # of the run's start: a rest that begins later is no standing start
 SPEED_SLACK, SPEED_DRIFT = 0.3, 0.01  # m/s and m/s^2, of a speed reckoned from the IMU alone
+MOST_SLACK = 1.5  # m/s; a speed known worse than this tells no stop from a crawl
 # without an odometer the IMU alone must be this still: m/s^2 and rad/s, standard deviations
 QUIET_FORCE, QUIET_RATE, SLOW_RATE = 0.06, 0.004, 0.01
 
@@ -69,7 +70,8 @@ def believable(rests: Array, time: Array, speed: Array) -> Array:
             continue
         since = float(rest[0] - kept[-1][1])
         gained = np.interp(rest, time, speed) - np.interp(kept[-1][1], time, speed)
-        if np.abs(gained).max() < SPEED_SLACK + SPEED_DRIFT * since:
+        slack = SPEED_SLACK + SPEED_DRIFT * since
+        if slack < MOST_SLACK and np.abs(gained).max() < slack:
             kept.append(rest)
     return np.array(kept).reshape(-1, 2)
 
