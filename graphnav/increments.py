@@ -2,7 +2,7 @@
 
 A sample is a mean over its interval; what the mean hides is recovered from its two neighbours on
 either side (rate and force as polynomials through five means: a smoother may look ahead), then
-samples are compounded exactly. The terms are Bortz's `1/2 int (int w) x w` and its bilinear form for
+samples are compounded to fourth order in their angles. The terms are Bortz's `1/2 int (int w) x w` and its bilinear form for
 the velocity (Savage 1998), carried one order further than the usual two-sample formula: a tenth of
 its error under vibration at a tenth of the sampling rate.
 """
@@ -25,10 +25,13 @@ def increments(imu: Imu, grid_s: float = GRID_S) -> Increments:
     alpha, u = imu.gyro * dt[:, None], imu.accel * dt[:, None]
     regular = _regular(dt)[:, None]
     slope_w, slope_f = np.where(regular, _slope(alpha), 0.0), np.where(regular, _slope(u), 0.0)
-    theta = alpha + np.cross(alpha, slope_w)
-    # Jl turns the mean force to the start of the sample, sculling adds what the means hide
-    v = so3.mv(so3.left_jacobian(alpha), u) + np.cross(alpha, slope_f) + np.cross(u, slope_w)
-    p = (0.5 * v - np.cross(alpha, u) / 12 - slope_f) * dt[:, None]
+    theta = alpha + so3.cross(alpha, slope_w)
+    # the left Jacobian of alpha turns the mean force to the start of the sample (third order:
+    # 1e-9 at 0.1 rad), sculling adds what the means hide
+    turned = so3.cross(alpha, u)
+    v = u + 0.5 * turned + so3.cross(alpha, turned) / 6
+    v += so3.cross(alpha, slope_f) + so3.cross(u, slope_w)
+    p = (0.5 * v - turned / 12 - slope_f) * dt[:, None]
     change = np.diff(u, axis=0, prepend=u[:1])
     jump = np.sqrt(np.einsum("ij,ij->i", change, change) / 12) * dt
 
@@ -59,14 +62,13 @@ def _compound(
 ) -> Increments:
     """Compound consecutive samples starting at `first` into one increment each."""
     count = np.diff(np.append(first, len(dt)))
-    step = so3.exp(theta)
-    R = np.broadcast_to(np.eye(3), (len(first), 3, 3)).copy()
-    V, P, J = np.zeros((len(first), 3)), np.zeros((len(first), 3)), np.zeros(len(first))
+    turn, V, P = (np.zeros((len(first), 3)) for _ in range(3))
+    J = np.zeros(len(first))
     for k in range(int(count.max())):
-        on = np.flatnonzero(count > k)
+        on = np.flatnonzero(count > k) if k >= count.min() else slice(None)
         at = first[on] + k
-        P[on] += V[on] * dt[at, None] + so3.mv(R[on], p[at])
-        V[on] += so3.mv(R[on], v[at])
-        R[on] = R[on] @ step[at]
+        P[on] += V[on] * dt[at, None] + so3.rotated(turn[on], p[at])
+        V[on] += so3.rotated(turn[on], v[at])
+        turn[on] = so3.compound(turn[on], theta[at])
         J[on] = np.hypot(J[on], jump[at])
-    return Increments(edge=edge, rotation=so3.log(R), velocity=V, position=P, jump=J)
+    return Increments(edge=edge, rotation=turn, velocity=V, position=P, jump=J)

@@ -25,7 +25,7 @@ from graphnav.state_likelihood import (
     state_models,
     step_likelihood,
 )
-from graphnav.timeline import Timeline, timeline_from_states
+from graphnav.timeline import Names, Timeline, timeline_from_states
 from graphnav.viterbi import Chain, most_probable, posterior
 
 STEP = 0.2  # s between the model's steps
@@ -81,24 +81,45 @@ def recognise(
     kinematics: Kinematics,
     vehicle: VehicleParams,
     table: Mapping[str, Correction] | None = None,
-    with_probability: bool = True,
 ) -> Timeline:
     """Timeline of motion states from the first to the last time of the kinematics.
 
-    `table`: rows with learnt ground in place of the paper's priors (later rounds).
-    `with_probability` False leaves every probability at 1 and takes half the time.
+    `table`: rows with learnt ground in place of the paper's priors (later rounds). Probabilities
+    are left at 1: `with_probabilities` finds them once the timeline stands.
     Raises SolutionError when there are too few samples or their grid is not uniform.
     """
+    chain, time, names = _model(kinematics, vehicle, table)
+    timeline = timeline_from_states(time, names[most_probable(chain)])
+    timeline = timeline.covering(float(kinematics.time[0]), float(kinematics.time[-1]))
+    return _cut_at_half_turn(timeline, kinematics)
+
+
+def with_probabilities(
+    timeline: Timeline,
+    kinematics: Kinematics,
+    vehicle: VehicleParams,
+    table: Mapping[str, Correction] | None = None,
+) -> Timeline:
+    """The timeline with each segment's state probability given all kinematics, averaged over it."""
+    chain, time, names = _model(kinematics, vehicle, table)
+    probability = posterior(chain)
+    segment = timeline.segment_at(time)
+    column = np.array([int(np.flatnonzero(names == s)[0]) for s in timeline.state])
+    told = probability[np.arange(len(time)), column[segment]]
+    count = np.bincount(segment, minlength=len(timeline))
+    total = np.bincount(segment, told, minlength=len(timeline))
+    return replace(timeline, probability=np.where(count > 0, total / np.maximum(count, 1), 1.0))
+
+
+def _model(
+    kinematics: Kinematics, vehicle: VehicleParams, table: Mapping[str, Correction] | None
+) -> tuple[Chain, Array, Names]:
+    """The hidden Markov model of a run, the times of its steps and the names of its states."""
     rows = dict(correction_table(vehicle) if table is None else table)
     models = state_models(vehicle, rows)
     time, moments = _moments(kinematics)
-    chain = _chain(moments, models, vehicle.track_gauge)
-    path = most_probable(chain)
-    probability = posterior(chain)[np.arange(len(path)), path] if with_probability else None
     names = np.array([model.correction.state for model in models])
-    timeline = timeline_from_states(time, names[path], probability)
-    timeline = timeline.covering(float(kinematics.time[0]), float(kinematics.time[-1]))
-    return _cut_at_half_turn(timeline, kinematics)
+    return _chain(moments, models, vehicle.track_gauge), time, names
 
 
 def _cut_at_half_turn(timeline: Timeline, kinematics: Kinematics) -> Timeline:

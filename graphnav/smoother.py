@@ -15,7 +15,7 @@ from graphnav.elimination import Covariances, covariances
 from graphnav.estimate import Estimate
 from graphnav.kinematics import kinematics
 from graphnav.motion import sums_of
-from graphnav.motion_states import recognise
+from graphnav.motion_states import recognise, with_probabilities
 from graphnav.noise import rescaled
 from graphnav.nodes import Nodes, place_nodes
 from graphnav.odometry import speed_at
@@ -93,22 +93,27 @@ def smooth(
         told(f"graph, round {round_}")
         problem = build(prep, nodes, timeline, estimate, scales)
         told(f"solve, round {round_}")
-        weights, tolerance = (robust[0], ROUGH) if round_ == 1 else (robust[1], FINE)
+        last = (round_ >= MIN_ROUNDS and stands) or round_ == MAX_ROUNDS
+        weights, tolerance = robust[round_ > 1], FINE if last else ROUGH
         solution = gauss_newton(problem.linearise, estimate, problem.chain, weights, tolerance)
         iterations += solution.iterations
         estimate = solution.estimate
         path = densify(prep.inc, problem.pre, nodes, estimate, prep.alignment.origin)
         told(f"covariances, round {round_}")
         found = covariances(solution.bayes_net, problem.chain)
-        if round_ >= MIN_ROUNDS and stands:
+        if last:
             break
-        told(f"motion states, round {round_}")
-        again = _recognised(prep, path, estimate, nodes)
-        stands = disagreement(timeline, again) < SAME_TIMELINE
-        timeline = again
+        if not stands:
+            told(f"motion states, round {round_}")
+            again = _recognised(prep, path, estimate, nodes)
+            stands = disagreement(timeline, again) < SAME_TIMELINE
+            timeline = again
         scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
     told("state probabilities")
-    timeline = _recognised(prep, path, estimate, nodes, final=True)
+    if prep.vehicle.kind == "tracked" and prep.run.odometer is not None:
+        timeline = with_probabilities(
+            timeline, kinematics(prep, path, estimate, nodes), params(prep.vehicle)
+        )
     return Smoothed(
         prep, problem, solution, timeline, found, reckoned, path, scales, iterations, round_
     )
@@ -167,20 +172,12 @@ def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
 
 
 def _recognised(
-    prep: Prepared,
-    path: Path,
-    estimate: Estimate,
-    nodes: Nodes | None,
-    final: bool = False,
+    prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None
 ) -> Timeline:
-    """Motion states of a path; for vehicles other than tracked: stop and moving from standstill.
-
-    The `final` one comes with its probabilities.
-    """
+    """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
     if prep.vehicle.kind != "tracked" or prep.run.odometer is None:
         mid = 0.5 * (path.time[1:] + path.time[:-1])
         state = np.where(prep.still, "stop", "moving")
         timeline = timeline_from_states(mid, state)
         return timeline.covering(float(path.time[0]), float(path.time[-1]))
-    motion = kinematics(prep, path, estimate, nodes)
-    return recognise(motion, params(prep.vehicle), with_probability=final)
+    return recognise(kinematics(prep, path, estimate, nodes), params(prep.vehicle))
