@@ -19,9 +19,12 @@ def distance_at(odometer: Odometer, time: Array) -> Array:
 
 
 def speed_at(odometer: Odometer, time: Array, half: float = RATE_S) -> Array:
-    """Odometer speed differenced over `2 half` seconds, m/s."""
-    ahead, behind = distance_at(odometer, time + half), distance_at(odometer, time - half)
-    return (ahead - behind) / (2 * half)
+    """Odometer speed differenced over `2 half` seconds, less at its ends, m/s; zero outside."""
+    first, last = odometer.time[0], odometer.time[-1]
+    ahead, behind = np.clip(time + half, first, last), np.clip(time - half, first, last)
+    gained = distance_at(odometer, ahead) - distance_at(odometer, behind)
+    span = ahead - behind
+    return gained / np.where(span > 0, span, np.inf)
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,9 @@ def made(count: int = 100, seed: int = 3) -> Increments:
     """Increments of uneven length; a bend, a bumpy road."""
     rng = np.random.default_rng(seed)
     dt = rng.uniform(0.03, 0.06, count)
-    velocity = (rng.normal(size=(count, 3)) + [0, 0, 9.8]) * dt[:, None]
+    velocity = rng.normal((0, 0, 9.8), 1, (count, 3)) * dt[:, None]
     position = velocity * dt[:, None] / 2
-    rate = 0.05 * rng.normal(size=(count, 3)) + [0, 0, 0.3]
+    rate = rng.normal((0, 0, 0.3), 0.05, (count, 3))
     edge = np.concatenate([[0.0], np.cumsum(dt)])
     return Increments(edge, rate * dt[:, None], velocity, position, np.full(count, 1e-4))
 
