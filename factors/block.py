@@ -57,7 +57,9 @@ class Block:
         keys = [[gtsam.symbol(t.family, int(k)) for k in t.index] for t in self.terms]
         A = [t.jacobian for t in self.terms]
         if len(A) == 1:
-            yield from (gtsam.JacobianFactor(*row, unit) for row in zip(keys[0], A[0], b, strict=True))
+            yield from (
+                gtsam.JacobianFactor(*row, unit) for row in zip(keys[0], A[0], b, strict=True)
+            )
         elif len(A) == 2:
             rows2 = zip(keys[0], A[0], keys[1], A[1], b, strict=True)
             yield from (gtsam.JacobianFactor(*row, unit) for row in rows2)

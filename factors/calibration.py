@@ -65,7 +65,10 @@ class Layout:
     def walk(self) -> Array:
         """(dim,) random-walk density per sqrt(s)."""
         return np.concatenate(
-            [CONSTANT * c.sd if c.walk is None else np.full(len(c.prior), c.walk) for c in self.components]
+            [
+                CONSTANT * c.sd if c.walk is None else np.full(len(c.prior), c.walk)
+                for c in self.components
+            ]
         )
 
     def column(self, name: str, offset: int = 0) -> int:

@@ -137,7 +137,11 @@ def displacement(
     r = so3.mv(to_m, moved + arm - lever - D)
     r[:, 1] += phase[node + 1] - phase[node]
 
-    J_i, J_j, J_c = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, c.shape[1]))
+    J_i, J_j, J_c = (
+        np.zeros((n, 3, NODE_DIM)),
+        np.zeros((n, 3, NODE_DIM)),
+        np.zeros((n, 3, c.shape[1])),
+    )
     J_i[:, :, ROTATION] = to_m @ so3.skew(moved + arm)
     J_j[:, :, ROTATION] = -to_m @ R_ij @ so3.skew(lever)
     J_j[:, :, POSITION] = to_m @ so3.transpose(R_i)

@@ -1,6 +1,6 @@
 """External heading (sun or star sensor, dual antenna): direction of the body's forward axis.
 
-    r = wrap(atan2(f_e, f_n) - heading) / sigma,   f = R_nb e_y,  clockwise from north   (C5, C6)
+r = wrap(atan2(f_e, f_n) - heading) / sigma,   f = R_nb e_y,  clockwise from north   (C5, C6)
 """
 
 import numpy as np

@@ -83,7 +83,11 @@ def inertial(
     q_v = so3.mv(Rit, vj - vi - field.g_n * T + 2 * np.cross(Omega, pj - pi))
     q_p = so3.mv(
         Rit,
-        pj - pi - vi * T - 0.5 * field.g_n * T**2 + np.cross(Omega, vi * T**2 + (vj - vi) * T**2 / 3),
+        pj
+        - pi
+        - vi * T
+        - 0.5 * field.g_n * T**2
+        + np.cross(Omega, vi * T**2 + (vj - vi) * T**2 / 3),
     )
     y_v, y_p = T * dv - dp, dp * T / 3
     residual = np.concatenate(

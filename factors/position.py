@@ -31,7 +31,9 @@ class Fixes:
     time: Array  # (n,) s
 
 
-def position(fixes: Fixes, antenna: int, offset: int, R: Array, v: Array, p: Array, c: Array) -> Block:
+def position(
+    fixes: Fixes, antenna: int, offset: int, R: Array, v: Array, p: Array, c: Array
+) -> Block:
     """All fixes as one block of 3 rows [east, north, up], whitened.
 
     `antenna` and `offset` are the first calibration columns of lever arm and offset; `c` (K, dim)

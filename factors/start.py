@@ -1,6 +1,6 @@
 """Prior on one node: attitude, velocity and position known with standard deviations.
 
-    r = W [Log(R_0^T R), v - v_0, p - p_0]
+r = W [Log(R_0^T R), v - v_0, p - p_0]
 """
 
 from dataclasses import dataclass

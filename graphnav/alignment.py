@@ -135,9 +135,7 @@ def _heading(
         if course is not None:
             return course, float(LOOSE_HEADING), "satellite course"
     level = R_level @ rate
-    compass_sd = (
-        np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600 / (earth.RATE * np.cos(origin.lat))
-    )
+    compass_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600 / (earth.RATE * np.cos(origin.lat))
     if np.any(rate) and compass_sd < COMPASS_SD:
         return float(np.arctan2(-level[0], level[1])), float(LOOSE_HEADING), "gyrocompass"
     raise InputError(

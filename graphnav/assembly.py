@@ -52,7 +52,11 @@ def _add_intervals(
     for block, at, r in zip(blocks, home, rows, strict=True):
         n = len(at)
         # several factors of one kind may share an interval (the last one): they queue up
-        order = np.arange(n) - np.searchsorted(at, at) if np.any(np.diff(at) == 0) else np.zeros(n, np.int64)
+        order = (
+            np.arange(n) - np.searchsorted(at, at)
+            if np.any(np.diff(at) == 0)
+            else np.zeros(n, np.int64)
+        )
         row = used[at][:, None] + order[:, None] * r + np.arange(r)
         np.add.at(used, at, r)
         b[row] = -block.residual

@@ -15,11 +15,15 @@ MG = 1e-3 * G_STANDARD  # m/s^2
 
 BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hour
 CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
+REFERENCE = ("straight_high", "moving")
+WIDTH_RATIO, WIDTH_RATIO_SD = 1.5, 0.6  # effective over geometric track width of a skidding vehicle
 COMMON_OFFSET = 0.3  # of a fix's sd: what all fixes of a run have in common
 SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
 
 
-def layout(vehicle: Vehicle, table: dict[str, Correction], gnss: Gnss | None) -> Layout:
+def layout(
+    vehicle: Vehicle, table: dict[str, Correction], gnss: Gnss | None, two_sided: bool = False
+) -> Layout:
     """The calibration vector: biases, scale, mounting, lever arm, delay, and the ground by state.
 
     With fixes in use also the antenna's lever arm and their common offset.
@@ -41,14 +45,18 @@ def layout(vehicle: Vehicle, table: dict[str, Correction], gnss: Gnss | None) ->
     if vehicle.kind == "wheeled":
         components.append(Component("cornering", np.zeros(1), _one(CORNERING_SD)))
     for state, row in table.items():
-        ground = row.factor != 1 or row.half_gauge > 0
-        if row.use_odometer and ground and row.factor_sd > 0:
+        # straight ahead in high gear the factor and the scale are one number
+        if row.use_odometer and row.factor_sd > 0 and state not in REFERENCE:
             components.append(Component(f"forward:{state}", _one(row.factor), _one(row.factor_sd)))
     length = vehicle.body.contact_length
     for state, row in table.items():
         if row.kappa_sd > 0:
             prior, sd = row.kappa * length, row.kappa_sd * length
             components.append(Component(f"lateral:{state}", _one(prior), _one(sd)))
+    if two_sided:
+        gauge = vehicle.body.track_gauge
+        width = Component("track_width", _one(WIDTH_RATIO * gauge), _one(WIDTH_RATIO_SD * gauge))
+        components.append(width)
     return Layout((*components, *gnss_components(vehicle, gnss)))
 
 

@@ -11,7 +11,7 @@ Signs: v_x right, v_y forward, phi_dot up (left turn positive); for v_o < 0 (rev
 line is mirrored.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from graphnav.run import Array
 ARC_FACTOR = 0.8688  # A20, concrete
 PIVOT_FACTOR = 0.5  # one track held: the centre moves at half the speed of the other
 KAPPA, KAPPA_SD = 0.10, 0.15
+SKID_SD = 0.05  # of the mean of two sides in a turn
 
 
 @dataclass(frozen=True)
@@ -33,6 +34,8 @@ class VehicleParams:
     track_gauge: float = 2.80  # B, m
     contact_length: float = 3.84  # L, m
     low_gear_ratio: float = 1.42
+    two_sided: bool = False  # both sides measured: the odometer is their mean (skid steer)
+    two_sided: bool = False  # both sides measured: the odometer is their mean (skid steer)
 
 
 @dataclass(frozen=True)
@@ -96,4 +99,18 @@ def correction_table(vehicle: VehicleParams) -> dict[str, Correction]:
         ("moving", 1.0, 0.02, 0.0, 0.0, 0.0, True, False, 0.05, 0.05, "D1"),
     )
     # fmt: on
-    return {row[0]: Correction(*row) for row in (tracked if vehicle.kind == "tracked" else other)}
+    rows = [Correction(*row) for row in (tracked if vehicle.kind == "tracked" else other)]
+    if vehicle.two_sided and vehicle.kind == "tracked":
+        rows = [_mean_of_sides(row) for row in rows]
+    return {row.state: row for row in rows}
+
+
+def _mean_of_sides(row: Correction) -> Correction:
+    """The row for an odometer that is the mean of both sides: v_y itself, but for skidding."""
+    if not row.state.startswith("turn"):
+        return row
+    source = f"{row.source}; v_y = (l + r) / 2"
+    return replace(
+        row, factor=1.0, factor_sd=SKID_SD, half_gauge=0.0, use_odometer=True,
+        sigma_forward=0.1, source=source,
+    )  # fmt: skip

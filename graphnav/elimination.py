@@ -120,9 +120,7 @@ def covariances(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> Covariances:
     return Covariances(nodes, calibration, joints)
 
 
-def _extended(
-    joint: Array, parents: list[slice], conditional: gtsam.GaussianConditional
-) -> Array:
+def _extended(joint: Array, parents: list[slice], conditional: gtsam.GaussianConditional) -> Array:
     """Joint covariance of one conditional's variable and its parents, parents taken from `joint`."""
     inverse = dtrtri(conditional.R())[0]
     if not parents:

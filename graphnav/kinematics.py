@@ -14,9 +14,7 @@ RATE_HZ = 10.0
 SPEED_SD = 0.1  # m/s, smoothed inertial speed while the ground is still being learnt
 
 
-def kinematics(
-    prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None
-) -> Kinematics:
+def kinematics(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None) -> Kinematics:
     """Kinematics of the odometer point from a path at increment edges.
 
     Without `nodes` the path is dead reckoning on the odometer itself and its speed says nothing.

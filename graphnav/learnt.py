@@ -55,12 +55,16 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
     if "antenna" in layout.slices:
         add("antenna_lever_arm_m", "m", XYZ, of("antenna"), 1.0)
         add("gnss_offset_m", "m", ("east", "north", "up"), of("gnss_offset"), 1.0)
+    if "track_width" in layout.slices:
+        add("effective_track_width_m", "m", ("width",), of("track_width"), 1.0)
     driven = set(smoothed.problem.state)
     for prefix, name, unit in (
         ("forward:", "forward_factor", "1"),
         ("lateral:", "lateral_offset_m", "m"),
     ):
-        states = [s for c in layout.slices if c.startswith(prefix) and (s := c[len(prefix) :]) in driven]
+        states = [
+            s for c in layout.slices if c.startswith(prefix) and (s := c[len(prefix) :]) in driven
+        ]
         if states:
             add(name, unit, tuple(states), [layout.column(prefix + s) for s in states], 1.0)
     laterals = [c for c in out if c.name == "lateral_offset_m"]
@@ -84,7 +88,9 @@ def verdicts(found: list[Calibrated]) -> list[str]:
             mean, sd = float(c.value.mean()), float(np.median(c.sd))
             said.append(f"odometer scale {mean:.4f} +- {sd:.4f}, drifted {drift:.1f} permille")
         if c.name == "time_offset_s" and c.observable[0]:
-            said.append(f"odometer clock off by {1e3 * c.value[0, 0]:.0f} +- {1e3 * c.sd[0, 0]:.0f} ms")
+            said.append(
+                f"odometer clock off by {1e3 * c.value[0, 0]:.0f} +- {1e3 * c.sd[0, 0]:.0f} ms"
+            )
         hidden = [p for p, seen in zip(c.components, c.observable, strict=True) if not seen]
         if hidden and c.name in ("mounting_deg", "lever_arm_m", "forward_factor", "time_offset_s"):
             name = c.name.rsplit("_", 1)[0].replace("_", " ")

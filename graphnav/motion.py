@@ -10,6 +10,7 @@ from factors.block import Block, Index
 from factors.displacement import Correction as Reading
 from factors.displacement import OdometerSums, displacement, phase_prior
 from factors.preintegration import Preintegrated, interval_of_increment
+from factors.track_width import track_width
 from factors.velocity import velocity
 from graphnav import calibrations
 from graphnav.estimate import Estimate
@@ -25,6 +26,7 @@ States = NDArray[np.str_]
 SPARSE_S = 0.6  # an odometer slower than this gives velocities, not displacements
 DROPPED = 1e6  # sigma of a row that says nothing
 VERTICAL = 0.05  # m/s, suspension and bumps
+YAW_FLOOR, YAW_SHARE = 0.02, 0.1  # m; of the sides' difference that a skidding turn may be off
 AXES = ("lateral", "forward", "vertical")
 
 
@@ -49,7 +51,11 @@ def motion_factors(
     begin, end = nodes.time[moving], nodes.time[moving + 1]
     on = moving[(begin >= odometer.time[0] - 0.1) & (end <= odometer.time[-1] + 0.1)]
     factors = [_displacements(prep, nodes, sums, state, on, scales), _phase(nodes, odometer.pulse)]
-    return factors, {"displacement": driven(prep, state[on])}
+    groups = {"displacement": driven(prep, state[on])}
+    if "track_width" in prep.layout.slices:
+        factors.append(_track_width(prep, nodes, on, at, scales))
+        groups["track_width"] = np.full(len(on), "")
+    return factors, groups
 
 
 def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> OdometerSums:
@@ -60,9 +66,7 @@ def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> O
     owner = interval_of_increment(nodes.edge)
     earth = at.R_nb[:-1].transpose(0, 2, 1) @ prep.alignment.origin.Omega_n
     bias = at.calibration[nodes.segment, 2]
-    steps = odometer_steps(
-        prep.inc, prep.run.odometer, delay, bias[owner], earth[owner, 2]
-    )
+    steps = odometer_steps(prep.inc, prep.run.odometer, delay, bias[owner], earth[owner, 2])
     return odometer_sums(prep.inc, pre, nodes.edge, steps)
 
 
@@ -94,8 +98,36 @@ def _displacements(
     seg, time = nodes.segment[on], nodes.time[on + 1]
     return lambda x: [
         displacement(
-            picked, reading, columns, roll, on, x.R_nb, x.p_n, x.phase, x.calibration[seg], seg, time
+            picked,
+            reading,
+            columns,
+            roll,
+            on,
+            x.R_nb,
+            x.p_n,
+            x.phase,
+            x.calibration[seg],
+            seg,
+            time,
         )
+    ]
+
+
+def _track_width(prep: Prepared, nodes: Nodes, on: Index, at: Estimate, scales: Scales) -> Factor:
+    """Yaw from the two sides of a skid-steered vehicle."""
+    sides, layout = prep.run.sides, prep.layout
+    assert sides is not None
+    column, late = layout.column("track_width"), 0.0
+    if "delay" in layout.slices:
+        late = float(np.median(at.calibration[:, layout.column("delay")]))
+    rate = sides.right - sides.left
+    swept = np.concatenate([[0.0], np.cumsum(np.diff(sides.time) * (rate[1:] + rate[:-1]) / 2)])
+    difference = np.diff(np.interp(nodes.time + late, sides.time, swept))[on]
+    found = scales.get("track_width::yaw", 1.0)
+    sigma = found * (YAW_FLOOR + YAW_SHARE * np.abs(difference))
+    seg, time = nodes.segment[on], nodes.time[on + 1]
+    return lambda x: [
+        track_width(difference, sigma, column, on, x.R_nb, x.calibration[seg], seg, time)
     ]
 
 

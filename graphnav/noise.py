@@ -18,8 +18,10 @@ from graphnav.run import Array
 ENOUGH = 30  # residuals that make a group
 LEAST_REDUNDANCY = 0.05
 SMALLEST, LARGEST = 0.02, 30.0
+# a receiver's own sigma is evidence too: a poor fit must not talk the fixes away
+LIMITS = {"gnss": (0.3, 3.0)}
 MOST_CORRELATED = 25.0  # of long-run over short-run variance: five times the sigma
-LAGS = {"displacement": 20, "velocity": 20, "gnss": 60}
+LAGS = {"displacement": 20, "velocity": 20, "track_width": 20, "gnss": 60}
 
 
 def rescaled(
@@ -43,7 +45,8 @@ def rescaled(
                 key = f"{block.kind}:{state}:{axis}"
                 if len(r) >= ENOUGH and len(red) and red.mean() > LEAST_REDUNDANCY:
                     grown = _scale(r, float(red.mean()), LAGS[block.kind])
-                    found[key] = float(np.clip(grown * scales.get(key, 1.0), SMALLEST, LARGEST))
+                    low, high = LIMITS.get(block.kind, (SMALLEST, LARGEST))
+                    found[key] = float(np.clip(grown * scales.get(key, 1.0), low, high))
     return found
 
 

@@ -48,6 +48,12 @@ class Prepared:
     layout: Layout
     gnss: Gnss | None  # fixes in use
     fixes_n: Array  # (F, 3) m, the fixes in use, in n
+
+    @property
+    def params(self) -> VehicleParams:
+        """What state recognition must know of the vehicle."""
+        return params(self.vehicle, two_sided(self.run, self.vehicle))
+
     rocking: Array  # (3,) rad, how far the standing vehicle rocks, one sigma by axis
 
 
@@ -75,14 +81,14 @@ def prepare(
     if run.odometer is None:
         rests = believable(rests, *_reckoned_speed(inc, vehicle, alignment))
         still = within(inc, rests)
-    table = table or correction_table(params(vehicle))
+    table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
     noise = inertial_noise(vehicle)
     fixes = np.zeros((0, 3))
     if gnss is not None:
         fixes = alignment.origin.local(
             np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
         )
-    layout = calibrations.layout(vehicle, table, gnss)
+    layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle))
     rock = rocking(inc, rests)
     return Prepared(
         run, used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes, rock
@@ -100,7 +106,9 @@ def inertial_noise(vehicle: Vehicle) -> InertialNoise:
 
 def _reckoned_speed(inc: Increments, vehicle: Vehicle, alignment: Alignment) -> tuple[Array, Array]:
     """Forward speed from the IMU alone at 1 Hz: times and m/s."""
-    edge = np.unique(np.searchsorted(inc.edge, np.append(np.arange(inc.edge[0], inc.edge[-1]), 1e18)))
+    edge = np.unique(
+        np.searchsorted(inc.edge, np.append(np.arange(inc.edge[0], inc.edge[-1]), 1e18))
+    )
     edge = np.unique(np.minimum(edge, len(inc.edge) - 1))
     bias = np.tile(np.append(alignment.gyro_bias, np.zeros(3)), (len(edge) - 1, 1))
     pre = preintegrate(inc, edge, bias, InertialNoise(1.0, 1.0))
@@ -110,12 +118,17 @@ def _reckoned_speed(inc: Increments, vehicle: Vehicle, alignment: Alignment) -> 
     return inc.edge[edge], so3.mtv(R @ R_bm, v)[:, 1]
 
 
-def params(vehicle: Vehicle) -> VehicleParams:
+def params(vehicle: Vehicle, two_sided: bool = False) -> VehicleParams:
     """What state recognition must know of the vehicle."""
     body = vehicle.body
     return VehicleParams(
-        vehicle.kind, body.track_gauge, body.contact_length, body.low_gear_ratio
+        vehicle.kind, body.track_gauge, body.contact_length, body.low_gear_ratio, two_sided
     )
+
+
+def two_sided(run: Run, vehicle: Vehicle) -> bool:
+    """Whether the vehicle skids to turn and both sides' speeds are recorded."""
+    return vehicle.kind == "tracked" and run.sides is not None
 
 
 def standing_start(rests: Array, inc: Increments) -> float:

@@ -44,7 +44,9 @@ class Problem:
         return [block for factor in self.factors for block in factor(estimate)]
 
 
-def build(prep: Prepared, nodes: Nodes, timeline: Timeline, at: Estimate, scales: Scales) -> Problem:
+def build(
+    prep: Prepared, nodes: Nodes, timeline: Timeline, at: Estimate, scales: Scales
+) -> Problem:
     """Integrate with the biases and the delay of `at` and assemble all factors."""
     seg = nodes.segment
     pre = preintegrate(prep.inc, nodes.edge, at.calibration[seg, :6], prep.noise)

@@ -19,7 +19,7 @@ from graphnav.motion_states import recognise, with_probabilities
 from graphnav.noise import rescaled
 from graphnav.nodes import Nodes, place_nodes
 from graphnav.odometry import speed_at
-from graphnav.preparation import Prepared, params
+from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
 from graphnav.run import Array
 from graphnav.solve import FINE, ROUGH, Solution, gauss_newton
@@ -112,7 +112,7 @@ def smooth(
     told("state probabilities")
     if prep.vehicle.kind == "tracked" and prep.run.odometer is not None:
         timeline = with_probabilities(
-            timeline, kinematics(prep, path, estimate, nodes), params(prep.vehicle)
+            timeline, kinematics(prep, path, estimate, nodes), prep.params
         )
     return Smoothed(
         prep, problem, solution, timeline, found, reckoned, path, scales, iterations, round_
@@ -171,13 +171,11 @@ def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
     return Estimate(path.R_nb[at], path.v_n[at], path.p_n[at], phase, calibration)
 
 
-def _recognised(
-    prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None
-) -> Timeline:
+def _recognised(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None) -> Timeline:
     """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
     if prep.vehicle.kind != "tracked" or prep.run.odometer is None:
         mid = 0.5 * (path.time[1:] + path.time[:-1])
         state = np.where(prep.still, "stop", "moving")
         timeline = timeline_from_states(mid, state)
         return timeline.covering(float(path.time[0]), float(path.time[-1]))
-    return recognise(kinematics(prep, path, estimate, nodes), params(prep.vehicle))
+    return recognise(kinematics(prep, path, estimate, nodes), prep.params)

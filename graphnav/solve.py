@@ -42,9 +42,7 @@ def weights_of(block: Block, robust: Mapping[str, Robust]) -> Array:
 
 def cost_of(blocks: list[Block], weights: list[Array]) -> float:
     """Weighted cost `0.5 sum w r^2`."""
-    return 0.5 * sum(
-        float(np.sum(w * b.residual**2)) for b, w in zip(blocks, weights, strict=True)
-    )
+    return 0.5 * sum(float(np.sum(w * b.residual**2)) for b, w in zip(blocks, weights, strict=True))
 
 
 def gauss_newton(

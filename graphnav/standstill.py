@@ -35,9 +35,7 @@ def standing(inc: Increments, odometer: Odometer | None) -> Mask:
     return _long_enough(quiet, np.diff(inc.edge))
 
 
-def quietness(
-    inc: Increments, odometer: Odometer | None
-) -> tuple[Array, Array, Mask, Mask]:
+def quietness(inc: Increments, odometer: Odometer | None) -> tuple[Array, Array, Mask, Mask]:
     """How quiet it is about each increment: deviation of force [m/s^2] and of rate [rad/s], whether
     it turns slowly, whether the odometer (if any) shows no motion; (M,) each, over `WINDOW_S`.
     """

@@ -141,7 +141,13 @@ def event_table(found: list[Event], clock: float) -> "DataFrame":
     import pandas as pd
 
     rows = [
-        (round(e.start + clock, 3), round(e.end + clock, 3), e.kind, e.axis, round(e.peak_velocity, 3))
+        (
+            round(e.start + clock, 3),
+            round(e.end + clock, 3),
+            e.kind,
+            e.axis,
+            round(e.peak_velocity, 3),
+        )
         for e in found
     ]
     return pd.DataFrame(rows, columns=["start", "end", "kind", "axis", "peak_velocity"])

@@ -16,6 +16,7 @@ from factors.position import Fixes, position
 from factors.preintegration import Increments, InertialNoise, Preintegrated, preintegrate
 from factors.standstill import StandstillNoise, standstill
 from factors.start import Start, start
+from factors.track_width import track_width
 from factors.velocity import velocity
 from graphnav.estimate import Estimate
 
@@ -33,7 +34,11 @@ def make_increments(rng: np.random.Generator, turning: float = 0.3) -> Increment
     n = len(edge) - 1
     velocity_ = 0.05 * (np.array([0, 0, 9.8]) + rng.normal(size=(n, 3)))
     return Increments(
-        edge, 0.05 * turning * rng.normal(size=(n, 3)), velocity_, 0.025 * velocity_, np.full(n, 1e-5)
+        edge,
+        0.05 * turning * rng.normal(size=(n, 3)),
+        velocity_,
+        0.025 * velocity_,
+        np.full(n, 1e-5),
     )
 
 
@@ -155,7 +160,9 @@ def test_displacement_follows_gyro_bias_and_delay() -> None:
     x.calibration[:, 13] = 0.9
 
     def residual(bias: np.ndarray, delay: float) -> Block:
-        pre = preintegrate(inc, NODES, np.tile(np.append(bias, [0, 0, 0]), (3, 1)), InertialNoise(1, 1))
+        pre = preintegrate(
+            inc, NODES, np.tile(np.append(bias, [0, 0, 0]), (3, 1)), InertialNoise(1, 1)
+        )
         steps = odometer_steps(inc, odometer, delay, np.zeros(55), np.zeros(55))
         sums = odometer_sums(inc, pre, NODES, steps)
         # only the sums are compared: the axes stay, and the factor adds no first-order change
@@ -173,7 +180,9 @@ def test_displacement_follows_gyro_bias_and_delay() -> None:
         d = np.eye(3)[axis] * h
         numerical = (residual(d, 0.0).residual - residual(-d, 0.0).residual) / (2 * h)
         np.testing.assert_allclose(J[:, :, axis], numerical, atol=0.03 * np.abs(J[:, :, :3]).max())
-    numerical = (residual(np.zeros(3), 0.02).residual - residual(np.zeros(3), -0.02).residual) / 0.04
+    numerical = (
+        residual(np.zeros(3), 0.02).residual - residual(np.zeros(3), -0.02).residual
+    ) / 0.04
     np.testing.assert_allclose(J[:, :, 12], numerical, atol=0.03 * np.abs(J[:, :, 12]).max())
 
 
@@ -213,6 +222,16 @@ def test_jacobians_of_the_plain_factors(seed: int) -> None:
         lambda e: heading(np.array([0.1, 3.0]), np.array([0.01, 0.02]), at_nodes, e.R_nb, time[:2]),
         lambda e: start(known, e.R_nb[0], e.v_n[0], e.p_n[0], 0.0),
         lambda e: phase_prior(e.phase, time, 0.02),
+        lambda e: track_width(
+            np.array([0.3]),
+            np.array([0.05]),
+            6,
+            np.array([1]),
+            e.R_nb,
+            e.calibration[[1]],
+            np.array([1]),
+            time[:1],
+        ),
     ):
         assert_jacobian(function, x, 1e-5)
 
@@ -256,10 +275,20 @@ def test_zero_at_truth_of_the_plain_factors() -> None:
         standstill(node, x.R_nb, x.v_n, x.p_n, time, StandstillNoise(np.full(3, 1e-6), 1e-3, 1e-3)),
         position(
             Fixes(fix, np.ones((2, 3)), np.zeros(2), node, np.zeros(2, np.int64), time),
-            0, 3, x.R_nb, x.v_n, x.p_n, c,
+            0,
+            3,
+            x.R_nb,
+            x.v_n,
+            x.p_n,
+            c,
         ),
         heading(azimuth + 2 * np.pi, np.full(2, 0.01), node, x.R_nb, time),
         start(known, x.R_nb[0], x.v_n[0], x.p_n[0], 0.0),
     ]
+    turned = np.stack([x.R_nb[0], x.R_nb[0] @ so3.exp(np.array([0, 0, 0.4]))])
+    width = np.full((1, DIM), 0.9)
+    first = np.zeros(1, np.int64)
+    swept = np.array([0.36])
+    blocks.append(track_width(swept, np.ones(1), 6, first, turned, width, first, time[:1]))
     for block in blocks:
         assert np.abs(block.residual).max() < 1e-9, block.kind
