@@ -20,8 +20,8 @@ from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
 from graphnav import rover, rover_terrain
 from graphnav.angles import rotation_of_angles
-from graphnav.earth import G_STANDARD, Origin
 from graphnav.calibrations import gnss_components
+from graphnav.earth import G_STANDARD, Origin
 from graphnav.elimination import Chain
 from graphnav.errors import InputError
 from graphnav.estimate import Estimate
@@ -36,7 +36,8 @@ K_BOUNDS = 0.7, 1.02  # slip coefficients beyond are held back (C6's clip, softe
 K_SD, K_LENGTH = 0.06, 20.0  # how the ground's slip varies, and over how many metres
 BOUND_SD = 0.01
 TOE_SD, SIDE_SD, SIDE_LENGTH = 0.02, 0.02, 10.0  # rad/m; m/m; m
-YAW_LENGTH = 3.0  # m over which wheels keep slipping unlike each other
+YAW_LOOSE = 3.0  # the yaw slip's spread before it is measured, of what the wheels' fit says
+YAW_LENGTH = 1.0  # m over which wheels keep slipping unlike each other
 STEP_FLOOR, STEP_SHARE = 0.001, 0.03  # m; of the way
 YAW_FLOOR, YAW_SHARE = 3e-4, 0.3  # rad; of the wheels' own yaw uncertainty
 TILT_FLOOR, TILT_SHARE = 1e-3, 0.5  # rad; rad per m
@@ -121,7 +122,7 @@ def calibrations(
         biases.insert(0, Component("gyro_bias", np.zeros(3), np.full(3, gyro), 0.003 * gyro))
     moving = wheels.motion.speed > 0.01
     stray = wheels.motion.w_z_sd[moving] / wheels.motion.speed[moving]
-    yaw_sd = float(np.median(stray)) if moving.any() else 0.02
+    yaw_sd = YAW_LOOSE * float(np.median(stray)) if moving.any() else 0.02
     wandering = (
         wv.Wandering(_one("slip_coefficient", rover.K_GUESS, K_SD), K_LENGTH),
         wv.Wandering(_one("side_slip", 0.0, SIDE_SD), SIDE_LENGTH),

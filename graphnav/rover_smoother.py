@@ -4,22 +4,25 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from factors import so3
 from factors import wheel_velocity as wv
-from factors.calibration import Layout
+from factors.calibration import Component, Layout
 from factors.weights import Robust
 from graphnav import rover, rover_terrain
 from graphnav.angles import rotation_of_angles
 from graphnav.densify import Path
 from graphnav.elimination import Covariances, covariances
 from graphnav.estimate import Estimate
-from graphnav.rover_problem import RoverProblem, build, prepare
+from graphnav.rover_problem import YAW_LENGTH, RoverProblem, build, prepare
 from graphnav.run import Run
 from graphnav.solve import FINE, ROUGH, Solution, gauss_newton
 from graphnav.vehicle import Vehicle
 
 LEARN_WAY = 30.0  # m driven before the ground's statistics are learnt
+YAW_WINDOW = 6.0  # m over which the wheels' turn is compared with the seen one
+SEEN_S = 3.0  # heading samples further apart leave the time between unseen
 
 ROBUST = {
     "heading": Robust("igg3", 2.5, 8.0),
@@ -73,7 +76,12 @@ def smooth_rover(
             path = path_of(problem, estimate)
             k = estimate.calibration[:, problem.layout.column("slip_coefficient")]
             found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
-            problem = learnt(problem, estimate, covariances(solution.bayes_net, problem.chain))
+            if round_ == 1:  # later estimates lean on the wheels' yaw too much to judge it
+                problem = with_spread(problem, "yaw_slip", 0.0, yaw_slip_sd(problem, estimate))
+            known = covariances(solution.bayes_net, problem.chain)
+            problem = with_spread(
+                problem, "slip_coefficient", *slip_spread(problem, estimate, known)
+            )
     told("covariances")
     return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain), found)
 
@@ -83,32 +91,68 @@ def path_of(problem: RoverProblem, x: Estimate) -> Path:
     return Path(problem.nodes.time, x.R_nb, x.v_n, x.p_n)
 
 
-def learnt(problem: RoverProblem, x: Estimate, known: Covariances) -> RoverProblem:
-    """The ground's statistics from what was found of it: one step of expectation maximisation.
+def with_spread(problem: RoverProblem, name: str, mean: float, sd: float) -> RoverProblem:
+    """The problem with another prior for something that wanders over the ground."""
 
-    How far the slip coefficient and the yaw slip stray is a property of the ground under this run;
-    mean and spread of each are those of its estimated values plus their covariances.
+    def told(component: Component) -> Component:
+        if component.name != name:
+            return component
+        return replace(component, prior=np.array([mean]), sd=np.array([sd]))
+
+    layout = Layout(tuple(told(c) for c in problem.layout.components))
+    wandering = tuple(replace(w, component=told(w.component)) for w in problem.wandering)
+    return replace(problem, layout=layout, wandering=wandering)
+
+
+def slip_spread(problem: RoverProblem, x: Estimate, known: Covariances) -> tuple[float, float]:
+    """Mean and spread of the slip coefficient over this run's ground.
+
+    Those of the estimated values plus their covariance: one step of expectation maximisation.
     """
+    at = problem.layout.column("slip_coefficient")
+    value, variance = x.calibration[:, at], known.calibration[:, at, at]
     path = np.interp(problem.nodes.segment_time, problem.wheels.time, problem.wheels.path)
-    weight = np.maximum(np.gradient(path), 0.0) if len(path) > 1 else np.ones(1)
+    weight = np.maximum(np.gradient(path), 0.0) if len(path) > 1 else np.zeros(1)
     if weight.sum() < LEARN_WAY:
-        return problem
-    updated = []
-    for w in problem.wandering:
-        at = problem.layout.column(w.component.name)
-        value, variance = x.calibration[:, at], known.calibration[:, at, at]
-        mean = w.component.prior[0]
-        if w.component.name == "slip_coefficient":
-            mean = np.average(value, weights=weight)
-        sd = np.sqrt(np.average((value - mean) ** 2 + variance, weights=weight))
-        if w.component.name != "side_slip":  # nothing observes it
-            w = wv.Wandering(
-                replace(w.component, prior=np.array([mean]), sd=np.array([sd])), w.length
-            )
-        updated.append(w)
-    named = {w.component.name: w.component for w in updated}
-    layout = Layout(tuple(named.get(c.name, c) for c in problem.layout.components))
-    return replace(problem, layout=layout, wandering=tuple(updated))
+        return float(problem.layout.prior[at]), float(problem.layout.prior_sd[at])
+    mean = float(np.average(value, weights=weight))
+    return mean, float(np.sqrt(np.average((value - mean) ** 2 + variance, weights=weight)))
+
+
+def yaw_slip_sd(problem: RoverProblem, x: Estimate) -> float:
+    """Spread rad/m of the yaw slip: turns over `YAW_WINDOW` m against the wheels' account of them.
+
+    Only where the heading is seen (or gyros are fitted) throughout; else the sd stays as it was.
+    """
+    layout, nodes, sums = problem.layout, problem.nodes, problem.sums
+    before = float(layout.prior_sd[layout.column("yaw_slip")])
+    c = x.calibration[nodes.segment]
+    k, toe = c[:, layout.column("slip_coefficient")], c[:, layout.column("toe")]
+    missed = wv.interval(x.R_nb).phi[:, 2] - k * sums.yaw - toe * sums.ahead
+    stray = np.concatenate([[0.0], np.cumsum(missed)])
+    way = np.concatenate([[0.0], np.cumsum(sums.path)])
+    blind = np.concatenate([[0.0], np.cumsum(~_heading_seen(problem))])
+    begin = np.arange(len(way))
+    end = np.searchsorted(way, way + YAW_WINDOW)
+    inside = (end < len(way)) & (np.append(sums.path, 0.0) > 0.01)
+    begin, end = begin[inside], end[inside]
+    on = blind[end] == blind[begin]
+    if way[-1] == 0 or np.sum(sums.path[begin[on]]) < LEARN_WAY:
+        return before
+    scatter = 1.4826 * float(np.median(np.abs(stray[end[on]] - stray[begin[on]])))
+    unit = 2 * YAW_LENGTH * (YAW_WINDOW - YAW_LENGTH * (1 - np.exp(-YAW_WINDOW / YAW_LENGTH)))
+    return float(np.clip(scatter / np.sqrt(unit), 0.03 * before, before))
+
+
+def _heading_seen(problem: RoverProblem) -> NDArray[np.bool_]:
+    """Intervals (n,) whose turn something other than the wheels tells."""
+    nodes, seen = problem.nodes, problem.run.heading
+    if problem.inc is not None:
+        return np.ones(len(nodes.segment), bool)
+    if seen is None:
+        return np.zeros(len(nodes.segment), bool)
+    ahead = np.clip(np.searchsorted(seen.time, nodes.time[:-1]), 1, len(seen.time) - 1)
+    return np.asarray(seen.time[ahead] - seen.time[ahead - 1] < SEEN_S)
 
 
 def first_guess(problem: RoverProblem, sensed: bool = True) -> Estimate:

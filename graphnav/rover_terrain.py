@@ -10,7 +10,7 @@ from factors.calibration import Layout
 from factors.terrain_slip import Profile, arc_share, mismatch, terrain_slip
 from graphnav.densify import Path
 from graphnav.nodes import Nodes
-from graphnav.rover import Wheels
+from graphnav.rover import K_GUESS, Wheels
 from graphnav.run import Array
 
 STEP = 0.05  # m, grid of the profiles
@@ -18,7 +18,7 @@ EVERY = 2  # of the grid, ways at which the mismatch is looked at
 SIDES = ("left", "right")
 NEAR, FAR = (0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15), (0.7, 1.4)  # of the slip coefficient
 COHERENT = 0.5  # mismatch near over far; above it the wheels do not share a profile
-CROSS_SLOPE = 5.0  # 1/m, how fast the mismatch grows beside the rut, of the far mismatch
+PIVOT, ASTRAY = 1.0, 0.02  # 1/m curvature of a turn on the spot; m of such way in a window
 LEAST_ROWS = 50
 LIKE_NOISE = 3.0  # neighbouring mismatches share their noise: their sigma is raised by this
 LEAST = 2e-4  # m
@@ -49,34 +49,63 @@ def tracks(wheels: Wheels, nodes: Nodes, path: Path, k: Array) -> list[Track]:
 
 def _track(wheels: Wheels, nodes: Nodes, up: Array, side: int, k: Array) -> Track | None:
     """Side 0 left, 1 right; `up` (N, 6) m heights of the wheels over the body origin."""
-    time, motion = wheels.time, wheels.motion
     p = wheels.wheels_b[:, side::2].mean(axis=0)
-    speed = np.nan_to_num(motion.v_b[:, 1] + motion.w_z * p[:, 0].mean())
-    dt = np.diff(time, prepend=time[0])
-    way, back = np.cumsum(np.maximum(speed, 0) * dt), np.cumsum(np.maximum(-speed, 0) * dt)
+    v_y, w_z = wheels.motion.v_b[:, 1], wheels.motion.w_z
+    speed = np.nan_to_num(v_y + w_z * p[:, 0].mean())
+    pivoting = np.abs(w_z) > PIVOT * np.abs(v_y)
+    dt = np.diff(wheels.time, prepend=wheels.time[0])
+    way = np.cumsum(np.maximum(speed, 0) * dt) + 1e-9 * np.arange(len(dt))  # increasing
+    astray = np.cumsum(np.where(pivoting, np.abs(speed), np.maximum(-speed, 0)) * dt)
     if way[-1] < 10.0:
         return None
     grid = np.arange(0.0, way[-1], STEP)
-    increasing = way + 1e-9 * np.arange(len(way))
-    front, middle, rear = (_gridded(grid, increasing, up[:, side + 2 * i]) for i in range(3))
+    front, middle, rear = (_gridded(grid, way, up[:, side + 2 * i]) for i in range(3))
     L_1, L_2 = float(p[0, 1] - p[1, 1]), float(p[1, 1] - p[2, 1])
     profile = Profile(STEP, front - middle, middle - rear, L_1, L_2)
-    margin = profile.reach / k.min() + STEP
+    margin = profile.reach / float(k.min()) + STEP
     at = grid[(grid > margin) & (grid < grid[-1] - margin)][::EVERY]
 
     def over_window(value: Array) -> Array:
-        ahead, behind = (np.interp(at + m, increasing, value) for m in (margin, -margin))
+        ahead, behind = (np.interp(at + m, way, value) for m in (margin, -margin))
         return np.asarray(ahead - behind)
 
-    at_time = np.interp(at, increasing, time)
-    forward = np.abs(over_window(back)) < 0.02
-    curvature = np.abs(over_window(wheels.yaw)) / (2 * margin)
-    keep = forward & (curvature < 1.0)
-    at, at_time, curvature = at[keep], at_time[keep], curvature[keep]
-    arc, offset = arc_share(curvature, profile.reach), 0.5 * curvature * profile.reach**2
-    interval = np.clip(np.searchsorted(nodes.time, at_time) - 1, 0, len(nodes.segment) - 1)
-    segment = nodes.segment[interval]
-    return _weighed(Track(SIDES[side], profile, at, at_time, segment, arc, offset, at), k)
+    at = at[over_window(np.nan_to_num(astray)) < ASTRAY]
+    curvature = over_window(wheels.yaw) / (2 * margin)
+    time = np.interp(at, way, wheels.time)
+    interval = np.clip(np.searchsorted(nodes.time, time) - 1, 0, len(nodes.segment) - 1)
+    heading = K_GUESS * np.interp(grid, way, wheels.yaw)
+    track = Track(
+        side=SIDES[side],
+        profile=profile,
+        at=at,
+        time=time,
+        segment=nodes.segment[interval],
+        arc=arc_share(curvature, profile.reach),
+        offset=_beside_the_rut(profile, grid, heading, at),
+        sigma=at,
+    )
+    return _weighed(track, k)
+
+
+def _beside_the_rut(profile: Profile, grid: Array, heading: Array, at: Array) -> Array:
+    """How far (n,) m the wheels whose heights are compared ran beside each other, root sum square.
+
+    `heading` (G,) rad, left positive. In the body origin's course y a wheel L ahead runs at
+    `y + L heading`; compared are front and middle, middle and rear, front and rear.
+    """
+    L_1, L_2 = profile.L_1, profile.L_2
+    course = np.cumsum(heading) * profile.step * K_GUESS
+
+    def y(offset: float) -> Array:
+        return np.interp(at + offset / K_GUESS, grid, course)
+
+    def turned(offset: float) -> Array:
+        return np.interp(at + offset / K_GUESS, grid, heading)
+
+    front_middle = y(L_1) - y(0) - L_1 * turned(0)
+    middle_rear = y(0) - L_2 * turned(0) - y(-L_2)
+    front_rear = y(L_1) - L_2 * turned(L_1) - y(-L_2) - L_1 * turned(-L_2)
+    return np.sqrt(front_middle**2 + middle_rear**2 + front_rear**2)
 
 
 def _gridded(grid: Array, way: Array, height: Array) -> Array:
@@ -103,7 +132,8 @@ def _weighed(track: Track, k: Array) -> Track | None:
     near, far = min(noise(f) for f in NEAR), min(noise(f) for f in FAR)
     if near > COHERENT * far or far < LEAST:
         return None
-    sigma = LIKE_NOISE * np.hypot(max(noise(1.0), LEAST), CROSS_SLOPE * far * track.offset)
+    slope = 1.4826 * float(np.median(np.abs(track.profile.front))) / track.profile.L_1
+    sigma = LIKE_NOISE * np.hypot(max(noise(1.0), LEAST), slope * track.offset)
     return replace(track, sigma=sigma)
 
 
