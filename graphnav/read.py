@@ -86,9 +86,14 @@ def _imu(reader: _Reader) -> Imu | None:
     return Imu(
         time=time,
         dt=np.concatenate([[np.median(step)], step]),
-        gyro=values[:, :3] @ axes.T,
-        accel=values[:, 3:] @ axes.T,
+        gyro=_turned(values[:, :3], axes),
+        accel=_turned(values[:, 3:], axes),
     )
+
+
+def _turned(vectors: Array, axes: Array) -> Array:
+    """Recorded vectors (N, 3) in RFU; a signed permutation is quicker picked than multiplied."""
+    return vectors[:, np.abs(axes).argmax(1)] * axes.sum(1)
 
 
 def _accelerometer(reader: _Reader) -> Accelerometer | None:
@@ -96,7 +101,7 @@ def _accelerometer(reader: _Reader) -> Accelerometer | None:
     if reader.samples.has(GYRO) or not reader.samples.has(ACCEL):
         return None
     rows, values = reader.samples.group(ACCEL, "an accelerometer sample")
-    return Accelerometer(reader.time(rows), values @ reader.vehicle.imu.axes_matrix.T)
+    return Accelerometer(reader.time(rows), _turned(values, reader.vehicle.imu.axes_matrix))
 
 
 def _odometer(reader: _Reader, sides: SideSpeeds | None) -> Odometer | None:
