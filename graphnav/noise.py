@@ -54,7 +54,7 @@ def _scale(r: Array, redundancy: float, lags: int) -> float:
     """Factor on the assumed sigma."""
     spread = 1.4826 * float(np.median(np.abs(r - np.median(r)))) + 1e-9
     clipped = np.clip((r - np.median(r)) / spread, -3, 3)
-    return spread * np.sqrt(correlation(clipped, lags) / redundancy)
+    return float(spread * np.sqrt(correlation(clipped, lags) / redundancy))
 
 
 def correlation(x: Array, lags: int) -> float:

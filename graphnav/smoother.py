@@ -1,7 +1,7 @@
 """From a prepared run to its estimate: dead reckoning, motion states and graph, in rounds."""
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,8 +16,8 @@ from graphnav.estimate import Estimate
 from graphnav.kinematics import kinematics
 from graphnav.motion import sums_of
 from graphnav.motion_states import recognise, with_probabilities
-from graphnav.noise import rescaled
 from graphnav.nodes import Nodes, place_nodes
+from graphnav.noise import rescaled
 from graphnav.odometry import speed_at
 from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
@@ -70,11 +70,13 @@ def smooth(
     prep: Prepared,
     told: Callable[[str], None] = lambda _: None,
     robust: tuple[Weights, Weights] = (FIRST, FINAL),
+    first: Callable[[Nodes], Estimate] | None = None,
 ) -> Smoothed:
     """Smooth a run; `told` hears the name of each stage as it begins.
 
     `robust` holds the weight functions by factor kind of the first round and of the later ones:
-    convex first, redescending once the trajectory is near (a graduated schedule).
+    convex first, redescending once the trajectory is near (a graduated schedule). `first` gives the
+    estimate the first round starts from, in place of dead reckoning.
     """
     told("dead reckoning")
     nodes = _nodes(prep, np.zeros(0))
@@ -90,6 +92,8 @@ def smooth(
         nodes_next = _nodes(prep, timeline.boundaries)
         estimate = _moved(estimate, nodes, path, nodes_next)
         nodes = nodes_next
+        if first is not None and round_ == 1:
+            estimate = first(nodes)
         told(f"graph, round {round_}")
         problem = build(prep, nodes, timeline, estimate, scales)
         told(f"solve, round {round_}")
