@@ -64,5 +64,9 @@ class Block:
             rows2 = zip(keys[0], A[0], keys[1], A[1], b, strict=True)
             yield from (gtsam.JacobianFactor(*row, unit) for row in rows2)
         else:
-            rows3 = zip(keys[0], A[0], keys[1], A[1], keys[2], A[2], b, strict=True)
-            yield from (gtsam.JacobianFactor(*row, unit) for row in rows3)
+            third = zip(keys[2], A[2], strict=True)
+            rows3 = zip(keys[0], A[0], keys[1], A[1], third, b, strict=True)
+            yield from (
+                gtsam.JacobianFactor(i, A_i, j, A_j, k, A_k, b_k, unit)
+                for i, A_i, j, A_j, (k, A_k), b_k in rows3
+            )

@@ -1,6 +1,6 @@
 """The chain of calibration vectors: what is in it, its prior and its random walk.
 
-Everything that is constant or slow (biases, scale factor, mounting, lever arm, delay, ground) is one
+All that is constant or slow (biases, scale factor, mounting, lever arm, delay, ground) is one
 vector per segment of some ten seconds; neighbouring vectors are tied by a random walk whose density
 says how constant each component is. One uniform chain keeps batch and incremental smoothing linear
 in the run's length (design fact 6).

@@ -105,8 +105,8 @@ def displacement(
 ) -> Block:
     """Displacement factors over the intervals that start at nodes `node` (n,).
 
-    Args: `R` (N, 3, 3), `p` (N, 3), `phase` (N,) of all nodes; `c` (n, dim) the calibration in force
-    in each interval, from segment `segment` (n,); `time` (n,) s, ends of the intervals.
+    Args: `R` (N, 3, 3), `p` (N, 3), `phase` (N,) of all nodes; `c` (n, dim) the calibration in
+    force in each interval, from segment `segment` (n,); `time` (n,) s, ends of the intervals.
     Returns a block of 3 rows [lateral, forward, vertical], whitened by `correction.sigma`.
     """
     n = len(node)

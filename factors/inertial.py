@@ -4,11 +4,12 @@ In n, fixed to the Earth and turning with `Omega` (3), gravity `g` at the middle
 
     R_j = Exp(-Omega T) R_i dR
     v_j = v_i + R_i dv - Omega x R_i (T dv - dp) + g T - 2 Omega x (p_j - p_i)
-    p_j = p_i + v_i T + R_i dp - Omega x R_i dp T/3 + g T^2/2 - Omega x (v_i T^2 + (v_j - v_i) T^2/3)
+    p_j = p_i + v_i T + R_i dp - Omega x R_i dp T/3 + g T^2/2
+          - Omega x (v_i T^2 + (v_j - v_i) T^2/3)
 
 The Coriolis integral of the velocity is the displacement itself, so the velocity equation is exact
-in it; what is left out is of second order in `Omega T` (3 ng at 1 s). Source: strapdown mechanisation
-in an Earth-fixed frame; the residual's form after Forster et al. 2017.
+in it; what is left out is of second order in `Omega T` (3 ng at 1 s). Source: strapdown
+mechanisation in an Earth-fixed frame; the residual's form after Forster et al. 2017.
 """
 
 from dataclasses import dataclass

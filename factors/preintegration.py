@@ -37,7 +37,7 @@ class InertialNoise:
 
 @dataclass(frozen=True)
 class Preintegrated:
-    """Motion between consecutive nodes i, j in the body frame of node i (n = number of intervals)."""
+    """Motion between consecutive nodes i, j in the body frame of node i (n intervals)."""
 
     T: Array  # (n,) s
     dR: Array  # (n, 3, 3) body j to body i, non-rotating

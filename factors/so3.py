@@ -106,14 +106,14 @@ def quaternion(R: Array) -> Array:
     best = np.argmax(np.einsum("...ii->...i", outer), -1)
     q = np.take_along_axis(outer, best[..., None, None], -2)[..., 0, :]
     q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-    return np.where(q[..., 3:] < 0, -q, q)
+    return np.asarray(np.where(q[..., 3:] < 0, -q, q))
 
 
 def right_jacobian(theta: Array) -> Array:
     """`Jr` with `Exp(theta + d) ~ Exp(theta) Exp(Jr d)`, (..., 3) -> (..., 3, 3)."""
     _, b, c = _series(theta)
     K = skew(theta)
-    return np.eye(3) - b[..., None, None] * K + c[..., None, None] * (K @ K)
+    return np.asarray(np.eye(3) - b[..., None, None] * K + c[..., None, None] * (K @ K))
 
 
 def right_jacobian_inverse(theta: Array) -> Array:
@@ -125,7 +125,7 @@ def right_jacobian_inverse(theta: Array) -> Array:
     closed = 1 / safe**2 - (1 + np.cos(safe)) / (2 * safe * np.where(small, 1.0, np.sin(safe)))
     d = np.where(small, 1 / 12 + t2 / 720, closed)
     K = skew(theta)
-    return np.eye(3) + 0.5 * K + d[..., None, None] * (K @ K)
+    return np.asarray(np.eye(3) + 0.5 * K + d[..., None, None] * (K @ K))
 
 
 def left_jacobian(theta: Array) -> Array:
@@ -140,12 +140,12 @@ def orthonormalised(R: Array) -> Array:
 
 def mv(R: Array, x: Array) -> Array:
     """Matrix times vector over batches, (..., 3, 3) and (..., 3) -> (..., 3)."""
-    return np.einsum("...ij,...j->...i", R, x)
+    return np.asarray(np.einsum("...ij,...j->...i", R, x))
 
 
 def mtv(R: Array, x: Array) -> Array:
     """Transposed matrix times vector over batches."""
-    return np.einsum("...ji,...j->...i", R, x)
+    return np.asarray(np.einsum("...ji,...j->...i", R, x))
 
 
 def transpose(R: Array) -> Array:

@@ -18,7 +18,7 @@ AXES = ("theta_e", "theta_n", "theta_u", "v_e", "v_n", "v_u", "p_e", "p_n", "p_u
 
 @dataclass(frozen=True)
 class Start:
-    """A node's state known beforehand; attitude error told in n (tilt east, tilt north, heading)."""
+    """A node's state known beforehand; attitude error in n (tilt east, tilt north, heading)."""
 
     R_nb: Array  # (3, 3)
     v_n: Array  # (3,)

@@ -46,7 +46,8 @@ class Robust:
         if self.name == "geman_mcclure":
             return m.GemanMcClure.Create(self.k0)
         return m.Custom.Create(
-            lambda u: float(self.weight(np.array(u))), lambda u: igg3_loss(u, self.k0, self.k1)
+            lambda u: float(self.weight(np.array(u))),
+            lambda u: igg3_loss(float(u), self.k0, self.k1),
         )
 
 

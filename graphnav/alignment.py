@@ -15,8 +15,8 @@ from graphnav import earth
 from graphnav.angles import rotation_of_angles
 from graphnav.earth import Origin
 from graphnav.errors import InputError
-from graphnav.run import Array, Gnss, Odometer, Run
 from graphnav.odometry import speed_at
+from graphnav.run import Array, Gnss, Odometer, Run
 from graphnav.vehicle import Vehicle
 
 LOOSE_TILT, LOOSE_HEADING = np.deg2rad(5.0), np.deg2rad(30.0)
@@ -111,7 +111,7 @@ def _levelled(run: Run, inc: Increments, still_until: float) -> Array:
     up = (force * dt[:, None]).sum(0)
     up /= np.linalg.norm(up)
     pitch, roll = np.arcsin(np.clip(up[1], -1, 1)), np.arctan2(-up[0], up[2])
-    return rotation_of_angles(roll, pitch, np.float64(0.0))
+    return rotation_of_angles(roll, pitch, 0.0)
 
 
 def _turned(R_level: Array, heading: float) -> Array:
@@ -122,7 +122,7 @@ def _turned(R_level: Array, heading: float) -> Array:
 def _heading(
     run: Run, vehicle: Vehicle, inc: Increments, R_level: Array, rate: Array, origin: Origin
 ) -> tuple[float, float, str]:
-    """Heading [rad], its prior sigma and its source: stated, sensed, satellite course or Earth rate."""
+    """Heading [rad], prior sigma and source: stated, sensed, satellite course or Earth rate."""
     stated = vehicle.start
     if stated.heading_deg is not None:
         sd = np.deg2rad(stated.heading_sd_deg)

@@ -2,10 +2,11 @@
 
 import numpy as np
 
+from graphnav.earth import Scalars
 from graphnav.run import Array
 
 
-def rotation_of_angles(roll: Array, pitch: Array, heading: Array) -> Array:
+def rotation_of_angles(roll: Scalars, pitch: Scalars, heading: Scalars) -> Array:
     """`R = Rz(-heading) Rx(pitch) Ry(roll)`, (...,) rad -> (..., 3, 3), body to east-north-up."""
     sr, cr = np.sin(roll), np.cos(roll)
     sp, cp = np.sin(pitch), np.cos(pitch)

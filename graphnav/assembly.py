@@ -1,4 +1,4 @@
-"""Blocks stacked interval by interval: one dense factor each, so that GTSAM is called once a second.
+"""Blocks stacked by interval: one dense factor each, so that GTSAM is called once a second.
 
 Every vehicle factor touches at most two neighbouring nodes and one calibration vector. All rows of
 one interval therefore fit one `[A_i A_j A_c | b]`, filled by numpy for the whole run at once.
@@ -11,7 +11,6 @@ import gtsam
 import numpy as np
 
 from factors.block import NODE_DIM, Block, Index
-from graphnav.run import Array
 
 
 @dataclass(frozen=True)
@@ -29,7 +28,8 @@ def gaussian_graph(blocks: Sequence[Block], keys: Keys, dim: int) -> gtsam.Gauss
     on_nodes = [b for b in blocks if len(b.time) and b.terms[0].family == "x"]
     for block in blocks:
         if len(block.time) and block.terms[0].family == "c":
-            _add_chain(graph, block, keys)
+            for factor in block.jacobian_factors():
+                graph.add(factor)
     if on_nodes:
         _add_intervals(graph, on_nodes, keys, dim)
     return graph
@@ -88,14 +88,4 @@ def _add_intervals(
 
 
 def _first_node(block: Block) -> Index:
-    return np.min([t.index for t in block.terms if t.family == "x"], axis=0)
-
-
-def _add_chain(graph: gtsam.GaussianFactorGraph, block: Block, keys: Keys) -> None:
-    """Factors between calibration vectors only."""
-    unit = gtsam.noiseModel.Unit.Create(block.residual.shape[1])
-    for k in range(len(block.time)):
-        parts: list[object] = []
-        for term in block.terms:
-            parts += [keys.c[int(term.index[k])], term.jacobian[k]]
-        graph.add(gtsam.JacobianFactor(*parts, -block.residual[k], unit))
+    return np.asarray(np.min([t.index for t in block.terms if t.family == "x"], axis=0))

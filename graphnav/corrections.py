@@ -35,7 +35,6 @@ class VehicleParams:
     contact_length: float = 3.84  # L, m
     low_gear_ratio: float = 1.42
     two_sided: bool = False  # both sides measured: the odometer is their mean (skid steer)
-    two_sided: bool = False  # both sides measured: the odometer is their mean (skid steer)
 
 
 @dataclass(frozen=True)

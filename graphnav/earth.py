@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+Scalars = float | Array  # one value or many
 
 A_WGS84 = 6378137.0  # m, semi-major axis
 F_WGS84 = 1 / 298.257223563
@@ -18,7 +19,7 @@ SOMIGLIANA = 0.00193185265241
 G_STANDARD = 9.80665  # m/s^2 per g, for units only
 
 
-def ecef_of_geodetic(lat: Array, lon: Array, height: Array) -> Array:
+def ecef_of_geodetic(lat: Scalars, lon: Scalars, height: Scalars) -> Array:
     """Geodetic radians and metres (...,) to ECEF (..., 3) m."""
     lat, lon, height = np.broadcast_arrays(lat, lon, height)
     normal = A_WGS84 / np.sqrt(1 - E2_WGS84 * np.sin(lat) ** 2)
@@ -44,7 +45,7 @@ def geodetic_of_ecef(x_e: Array) -> tuple[Array, Array, Array]:
     return lat, np.arctan2(x_e[..., 1], x_e[..., 0]), height
 
 
-def normal_gravity(lat: Array, height: Array) -> Array:
+def normal_gravity(lat: Scalars, height: Scalars) -> Array:
     """Magnitude of normal gravity [m/s^2] (Somigliana, second-order in height; NIMA TR8350.2)."""
     s2 = np.sin(lat) ** 2
     surface = G_EQUATOR * (1 + SOMIGLIANA * s2) / np.sqrt(1 - E2_WGS84 * s2)
@@ -53,7 +54,7 @@ def normal_gravity(lat: Array, height: Array) -> Array:
     return np.asarray(surface * (1 - 2 * h * (1 + F_WGS84 + m - 2 * F_WGS84 * s2) + 3 * h * h))
 
 
-def enu_axes(lat: Array, lon: Array) -> Array:
+def enu_axes(lat: Scalars, lon: Scalars) -> Array:
     """`R_en`, east-north-up axes in ECEF as columns, (...,) -> (..., 3, 3)."""
     sp, cp, sl, cl = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
     east = np.stack([-sl, cl, np.zeros_like(sl)], -1)
@@ -73,12 +74,12 @@ class Origin:
     @cached_property
     def R_en(self) -> Array:
         """Axes of n in ECEF, (3, 3)."""
-        return enu_axes(np.float64(self.lat), np.float64(self.lon))
+        return enu_axes(self.lat, self.lon)
 
     @cached_property
     def x_e(self) -> Array:
         """The origin in ECEF, (3,) m."""
-        return ecef_of_geodetic(np.float64(self.lat), np.float64(self.lon), np.float64(self.height))
+        return ecef_of_geodetic(self.lat, self.lon, self.height)
 
     @cached_property
     def Omega_n(self) -> Array:
@@ -88,7 +89,7 @@ class Origin:
     @cached_property
     def gravity_gradient(self) -> Array:
         """d g_n / d p_n at the origin (spherical), (3, 3) 1/s^2: the Schuler term."""
-        g = float(normal_gravity(np.float64(self.lat), np.float64(self.height)))
+        g = float(normal_gravity(self.lat, self.height))
         return g / A_WGS84 * np.diag([-1.0, -1.0, 2.0])
 
     def geodetic(self, p_n: Array) -> tuple[Array, Array, Array]:
@@ -106,6 +107,6 @@ class Origin:
         return -normal_gravity(lat, height)[..., None] * up
 
     def level_axes(self, p_n: Array) -> Array:
-        """`R_ln`: n to the level frame at each position, where angles and ENU velocities are told."""
+        """`R_ln`: n to the level frame at each position, where angles and velocities are told."""
         lat, lon, _ = self.geodetic(p_n)
         return np.swapaxes(enu_axes(lat, lon), -1, -2) @ self.R_en

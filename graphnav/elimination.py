@@ -19,7 +19,6 @@ from graphnav.assembly import Keys, gaussian_graph
 from graphnav.errors import SolutionError
 from graphnav.run import Array
 
-
 JOINTS = 800  # intervals whose joint covariance is kept
 
 
@@ -121,10 +120,10 @@ def covariances(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> Covariances:
 
 
 def _extended(joint: Array, parents: list[slice], conditional: gtsam.GaussianConditional) -> Array:
-    """Joint covariance of one conditional's variable and its parents, parents taken from `joint`."""
+    """Joint covariance of a conditional's variable and its parents, these taken from `joint`."""
     inverse = dtrtri(conditional.R())[0]
     if not parents:
-        return inverse @ inverse.T
+        return np.asarray(inverse @ inverse.T)
     size = len(inverse)
     total = size + sum(p.stop - p.start for p in parents)
     out = np.empty((total, total))

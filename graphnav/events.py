@@ -41,7 +41,9 @@ def events(end: Array, weight: Array, slip: Array, duration: Array, rests: Array
     for edge in rests.ravel():
         near_rest |= (start < edge + 1.0) & (end > edge - 1.0)
     for row, axis in enumerate(("x", "y", "z")):
-        doubted = (weight[:, row] < DOUBTED) & ~(near_rest if row == 1 else False)
+        doubted = weight[:, row] < DOUBTED
+        if row == 1:
+            doubted &= ~near_rest
         for first, last in _runs(doubted, start, end):
             inside = slice(first, last + 1)
             peak = float(slip[inside, row][np.argmax(np.abs(slip[inside, row]))])

@@ -2,14 +2,16 @@
 
 A sample is a mean over its interval; what the mean hides is recovered from its two neighbours on
 either side (rate and force as polynomials through five means: a smoother may look ahead), then
-samples are compounded to fourth order in their angles. The terms are Bortz's `1/2 int (int w) x w` and its bilinear form for
-the velocity (Savage 1998), carried one order further than the usual two-sample formula: a tenth of
-its error under vibration at a tenth of the sampling rate.
+samples are compounded to fourth order in their angles. The terms are Bortz's
+`1/2 int (int w) x w` and its bilinear form for the velocity (Savage 1998), carried one order
+further than the usual two-sample formula: a tenth of its error under vibration at a tenth of the
+sampling rate.
 """
 
 import numpy as np
 
 from factors import so3
+from factors.block import Index
 from factors.preintegration import Increments
 from graphnav.run import Array, Imu
 
@@ -42,7 +44,7 @@ def increments(imu: Imu, grid_s: float = GRID_S) -> Increments:
 
 
 def _slope(x: Array) -> Array:
-    """The vector `s` with `1/2 int (int x) x x dt = x_k x s` over sample k, from five means (N, 3)."""
+    """`s` (N, 3) with `1/2 int (int x) x x dt = x_k x s` over sample k, from five means."""
     q = np.pad(x, ((2, 2), (0, 0)), mode="edge")
     near, far = q[3:-1] - q[1:-3], q[4:] - q[:-4]
     return (82 * near - 11 * far) / 1440
@@ -58,7 +60,7 @@ def _regular(dt: Array) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
 
 
 def _compound(
-    theta: Array, v: Array, p: Array, dt: Array, jump: Array, first: Array, edge: Array
+    theta: Array, v: Array, p: Array, dt: Array, jump: Array, first: Index, edge: Array
 ) -> Increments:
     """Compound consecutive samples starting at `first` into one increment each."""
     count = np.diff(np.append(first, len(dt)))

@@ -58,7 +58,7 @@ def _inside(times: Array, rests: Array) -> NDArray[np.bool_]:
     if not len(rests):
         return np.zeros(len(times), bool)
     at = np.clip(np.searchsorted(rests[:, 0], times, side="right") - 1, 0, None)
-    return (times > rests[at, 0]) & (times < rests[at, 1])
+    return np.asarray((times > rests[at, 0]) & (times < rests[at, 1]))
 
 
 def _with_room(chosen: Index, candidates: Index, edges: Array, room: float) -> Index:

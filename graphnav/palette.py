@@ -1,7 +1,7 @@
-"""Colours, the same in the recording, the report and the exports: `#rrggbb`, legible on light and dark.
+"""Colours, the same in recording, report and exports: `#rrggbb`, legible on light and dark.
 
-Straight driving is blue, standing grey, arcs orange, separated turns green, pivots red; the low gear
-of a kind is its lighter shade.
+Straight driving is blue, standing grey, arcs orange, separated turns green, pivots red; the low
+gear of a kind is its lighter shade.
 """
 
 from collections.abc import Iterable

@@ -93,7 +93,7 @@ def _imu(reader: _Reader) -> Imu | None:
 
 def _turned(vectors: Array, axes: Array) -> Array:
     """Recorded vectors (N, 3) in RFU; a signed permutation is quicker picked than multiplied."""
-    return vectors[:, np.abs(axes).argmax(1)] * axes.sum(1)
+    return np.asarray(vectors[:, np.abs(axes).argmax(1)] * axes.sum(1))
 
 
 def _accelerometer(reader: _Reader) -> Accelerometer | None:

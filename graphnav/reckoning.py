@@ -30,7 +30,7 @@ def odometer_path(
     steps = so3.mv(R[:-1], sums.distance @ (R_bm @ E_Y)) * factor[:, None]
     swing = R @ lever_b  # the odometer point seen from the IMU
     path = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, 0)])
-    return path - (swing - swing[0])
+    return np.asarray(path - (swing - swing[0]))
 
 
 def inertial_path(

@@ -67,7 +67,7 @@ def table(solved: Solved, rate_hz: float) -> dict[str, Array]:
         columns[f"{name}_deg"] = np.rad2deg(angle)
 
     def between(values: Array) -> Array:
-        return np.interp(t, solved.node_time, values)
+        return np.asarray(np.interp(t, solved.node_time, values))
 
     for k, axis in enumerate(("e", "n", "u")):
         columns[f"sd_{axis}"] = between(sd.position[:, k])

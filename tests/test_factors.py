@@ -6,9 +6,8 @@ from factor_check import assert_jacobian, random_estimate
 
 from factors import so3
 from factors.block import Block
-from factors.calibration import Component, Layout
+from factors.calibration import Component, Layout, walk
 from factors.calibration import prior as calibration_prior
-from factors.calibration import walk
 from factors.displacement import Columns, Correction, OdometerSums, displacement, phase_prior
 from factors.heading import heading
 from factors.inertial import Field, inertial, predict
