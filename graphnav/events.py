@@ -13,6 +13,7 @@ from graphnav.run import Array
 
 DOUBTED = 0.3  # weight below which an interval belongs to an episode
 PAUSE_S = 2.0
+EDGE_S = 1.0
 LEAST_PEAK = 0.3  # m/s; below it an episode moves nobody
 KINDS = ("side_slip", "", "hop")
 
@@ -28,18 +29,18 @@ class Event:
     peak_velocity: float
 
 
-def events(end: Array, weight: Array, slip: Array, duration: Array, rests: Array) -> list[Event]:
+def events(end: Array, weight: Array, slip: Array, duration: Array, edges: Array) -> list[Event]:
     """Episodes from intervals that end at `end` (n,) s and last `duration` (n,) s.
 
     `weight` (n, 3) of lateral, forward, vertical; `slip` (n, 3) m/s, the velocity the constraint
-    does not explain: motion of the vehicle, but odometer minus motion forward; `rests` (K, 2) s,
-    around whose edges the odometer's start and stop are no episode.
+    does not explain: motion of the vehicle, but odometer minus motion forward; at `edges` (K,) s,
+    of stops and motion states, the odometer changes its meaning and forward that is no episode.
     """
     found = []
     start = end - duration
-    near_rest = np.zeros(len(end), bool)
-    for edge in rests.ravel():
-        near_rest |= (start < edge + 1.0) & (end > edge - 1.0)
+    near = np.zeros(len(end), bool)
+    for edge in edges:
+        near |= (start < edge + EDGE_S) & (end > edge - EDGE_S)
     for row, axis in enumerate(("x", "y", "z")):
         doubted = weight[:, row] < DOUBTED
         if row == 1:

@@ -15,7 +15,7 @@ from factors.velocity import velocity
 from graphnav import calibrations
 from graphnav.estimate import Estimate
 from graphnav.nodes import Nodes
-from graphnav.odometry import odometer_steps, odometer_sums
+from graphnav.odometry import odometer_steps, odometer_sums, speed_at
 from graphnav.preparation import Prepared
 from graphnav.run import Array, Odometer
 
@@ -151,7 +151,11 @@ def _velocities(
         speed = np.zeros(len(node))
         sigma[:, 1] = DROPPED
     else:
-        speed = np.interp(time, odometer.time, odometer.speed)
+        # a counter has no speed of its own: differenced over 0.2 s
+        pulses = odometer.pulse > 0
+        speed = (
+            speed_at(odometer, time) if pulses else np.interp(time, odometer.time, odometer.speed)
+        )
         speed *= _column(prep, names, "factor")
     lateral = -_column(prep, names, "kappa") * prep.vehicle.body.contact_length * rate[:, 2]
     return lambda x: [

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from graphnav import tables, trajectory
 from graphnav.check import check
+from graphnav.errors import InputError
 from graphnav.progress import Stages
 from graphnav.read import read_run
 from graphnav.run import Run
@@ -48,7 +50,7 @@ def smooth(
     run = read_run(run_path, vehicle)
     reference = _truth(truth)
     findings = check(run, vehicle, use_gnss)
-    solved = solve(run, vehicle, use_gnss, outages, rate_hz, told)
+    solved = solve(run, vehicle, use_gnss, outages, rate_hz, told, mode, lag)
     told("trajectory")
     columns = trajectory.table(solved, rate_hz)
     with whole_directory(out) as directory:
@@ -66,9 +68,15 @@ def solve(
     outages: Sequence[tuple[float, float]],
     rate_hz: float,
     told: Stages,
+    mode: str = "batch",
+    lag: float | None = None,
 ) -> Solved:
     """The solver for this kind of vehicle and these sensors."""
+    if lag is not None and mode != "incremental":
+        raise InputError("--lag is for --mode incremental: give both or neither")
     if vehicle.kind == "rover" and run.rover is not None:
+        if mode == "incremental":
+            raise InputError(f"{run.path}: rovers are smoothed in batch only: leave out --mode")
         from graphnav.rover_result import solve_rover
 
         return solve_rover(run, vehicle, use_gnss=use_gnss, outages=outages, told=told)
@@ -78,6 +86,13 @@ def solve(
 
     told("preparing")
     prep = prepare(run, vehicle, use_gnss=use_gnss, outages=outages, rate_hz=rate_hz)
+    if mode == "incremental":
+        from graphnav import incremental
+
+        replay = incremental.smooth(prep, lag, told)
+        solved = finish(replay.smoothed)
+        known = incremental.causal(replay, prep)
+        return replace(solved, solver=solved.solver | replay.solver, causal=known)
     return finish(smooth_prepared(prep, told))
 
 
@@ -98,7 +113,7 @@ def write(
     if csv:
         table.to_csv(directory / "trajectory.csv", index=False)
     tables.states(solved).to_csv(directory / "states.csv", index=False)
-    slips = [*tables.slips(solved, solved.rests), *solved.wheel_events]
+    slips = [*tables.slips(solved), *solved.wheel_events]
     tables.event_table(slips, solved.run.clock_start).to_csv(directory / "events.csv", index=False)
     optional = {
         "residuals": tables.residuals(solved),
@@ -106,6 +121,7 @@ def write(
         "odometer": tables.odometer(solved),
         "gnss": tables.fixes(solved),
         "truth": None if reference is None else tables.truth(solved, reference),
+        "trajectory_causal": None if solved.causal is None else pd.DataFrame(solved.causal),
     }
     for name, frame in optional.items():
         if frame is not None:

@@ -122,8 +122,9 @@ def truth(solved: Solved, reference: "DataFrame") -> "DataFrame":
     return pd.DataFrame(columns)
 
 
-def slips(solved: Solved, rests: Array) -> list[Event]:
-    """Episodes from the vehicle factors; `rests` (K, 2) s, spans of standstill."""
+def slips(solved: Solved) -> list[Event]:
+    """Episodes from the vehicle factors; not at the edges of stops and of motion states."""
+    edges = np.concatenate([solved.rests.ravel(), solved.timeline.boundaries])
     for block, weight in zip(solved.blocks, solved.weights, strict=True):
         if block.kind in VEHICLE_KINDS and block.sigma is not None and len(block.time):
             node = np.searchsorted(solved.node_time, block.time - 1e-6)
@@ -132,7 +133,7 @@ def slips(solved: Solved, rests: Array) -> list[Event]:
             if block.kind != "velocity":
                 slip = slip / duration[:, None]
             slip[:, 1] *= -1  # the odometer ahead of the vehicle: wheel spin
-            return events(block.time, weight, slip, duration, rests)
+            return events(block.time, weight, slip, duration, edges)
     return []
 
 

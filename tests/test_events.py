@@ -19,7 +19,7 @@ def found(
     for a, b in spans:
         weight[a:b, row] = 0.0
         slip[(a + b) // 2, row] = peak
-    return events(END, weight, slip, DURATION, rests)
+    return events(END, weight, slip, DURATION, rests.ravel())
 
 
 @pytest.mark.parametrize(
@@ -62,5 +62,5 @@ def test_axes_are_told_in_order_of_time() -> None:
     for row, start in ((0, 60), (2, 20)):
         weight[start : start + 3, row] = 0
         slip[start : start + 3, row] = 1.0
-    told = events(END, weight, slip, DURATION, NO_RESTS)
+    told = events(END, weight, slip, DURATION, NO_RESTS.ravel())
     assert [e.kind for e in told] == ["hop", "side_slip"]
