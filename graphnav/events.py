@@ -44,7 +44,7 @@ def events(end: Array, weight: Array, slip: Array, duration: Array, edges: Array
     for row, axis in enumerate(("x", "y", "z")):
         doubted = weight[:, row] < DOUBTED
         if row == 1:
-            doubted &= ~near_rest
+            doubted &= ~near
         for first, last in _runs(doubted, start, end):
             inside = slice(first, last + 1)
             peak = float(slip[inside, row][np.argmax(np.abs(slip[inside, row]))])
