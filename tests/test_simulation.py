@@ -12,12 +12,12 @@ from scipy.spatial.transform import Rotation
 
 from graphnav.errors import InputError
 from graphnav.simulation import DRIVES, GRADES, Options, Truth, simulate, simulate_truth
-from graphnav.simulation.drive import EVERY, RATE_HZ, Driven, stream
+from graphnav.simulation.drive import INTERNAL_HZ, Driven, stream
 from graphnav.simulation.grades import DEG_H, MG, disturb
 from graphnav.simulation.recording import record, scale_curve
-from graphnav.simulation.rotation import about, single
 from graphnav.simulation.tracked import CONTACT, GAUGE, LOW_GEAR
 
+RATE_HZ, EVERY = 100, INTERNAL_HZ // 100
 FLIP = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])  # RFU <-> FRD, ENU <-> NED
 
 
@@ -277,7 +277,13 @@ def test_a_directory_that_is_not_ours_is_left_alone(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     "choice",
-    [{"scenario": "boat"}, {"ground": "ice"}, {"grade": "quartz"}, {"duration": -5.0}],
+    [
+        {"scenario": "boat"},
+        {"ground": "ice"},
+        {"grade": "quartz"},
+        {"duration": -5.0},
+        {"rate_hz": 150},
+    ],
 )
 def test_unknown_choices_name_the_known_ones_and_write_nothing(
     tmp_path: Path, choice: dict
@@ -287,14 +293,3 @@ def test_unknown_choices_name_the_known_ones_and_write_nothing(
     with pytest.raises(InputError, match=r"use|choose"):
         simulate(scenario, tmp_path / "run", 1, **arguments)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_rotations_agree_with_scipy() -> None:
-    rng = np.random.default_rng(0)
-    z, x, v = rng.uniform(-3, 3, 50), rng.uniform(-1.4, 1.4, 50), rng.standard_normal((50, 3))
-    ours = about("z", z) * about("x", x) * single(np.array([0.01, -0.02, 0.003]))
-    theirs = Rotation.from_euler("ZX", np.stack([z, x], -1))
-    theirs = theirs * Rotation.from_rotvec([0.01, -0.02, 0.003])
-    np.testing.assert_allclose(ours.apply(v), theirs.apply(v), atol=1e-14)
-    np.testing.assert_allclose(ours.matrices(), theirs.as_matrix(), atol=1e-14)
-    np.testing.assert_allclose(ours.rotvec(), theirs.as_rotvec(), atol=1e-13)

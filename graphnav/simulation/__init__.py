@@ -19,6 +19,8 @@ from graphnav.simulation.recording import Recording, record
 __all__ = ["GRADES", "SCENARIOS", "Grade", "Options", "Recording", "Truth", "simulate"]
 __all__ += ["simulate_truth"]
 
+RATES_HZ = (100, 200)
+
 DRIVES: dict[str, Callable[[Options], Driven]] = {
     "tracked": tracked.drive,
     "wheeled": wheeled.drive_truck,
@@ -62,14 +64,18 @@ def simulate(
     duration: float | None = None,
     gnss: bool = False,
     slips: bool = False,
+    rate_hz: int = 100,
 ) -> Path:
     """Simulate one run into the directory `out`; the same arguments give the same files.
 
     `scenario` tracked | wheeled | slip (wheeled with `slips`) | rover; `grade` one of GRADES or
-    None for the scenario's own; `ground` concrete | soil (tracked); `duration` s. Raises
-    InputError on an unknown choice or an `out` that holds something else.
+    None for the scenario's own; `ground` concrete | soil (tracked); `duration` s;
+    `rate_hz` 100 or 200, of the IMU. Raises InputError on an unknown choice or an `out` that holds
+    something else.
     """
-    options = Options(seed, _checked(duration), grade, ground, gnss, slips)
+    if rate_hz not in RATES_HZ:
+        raise InputError(f"IMU rate {rate_hz} Hz: choose {' or '.join(map(str, RATES_HZ))}")
+    options = Options(seed, _checked(duration), grade, ground, gnss, slips, rate_hz)
     name = "slip" if slips and scenario == "wheeled" else scenario
     if name not in SCENARIOS:
         raise InputError(f"scenario '{scenario}' is unknown: use {', '.join(SCENARIOS)}")

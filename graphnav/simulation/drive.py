@@ -12,8 +12,7 @@ from graphnav.simulation.ground import Roughness, tilt
 from graphnav.simulation.inertial import Body, Truth
 from graphnav.simulation.legs import Commands
 
-RATE_HZ = 100  # of the samples
-EVERY = 4  # internal steps per sample
+INTERNAL_HZ = 400  # of the exact motion; the samples are means over several of its steps
 
 
 @dataclass(frozen=True)
@@ -26,6 +25,12 @@ class Options:
     ground: str = "concrete"  # concrete | soil
     gnss: bool = False
     slips: bool = False
+    rate_hz: int = 100  # of the samples, a divisor of INTERNAL_HZ
+
+    @property
+    def every(self) -> int:
+        """Internal steps per sample."""
+        return INTERNAL_HZ // self.rate_hz
 
 
 @dataclass(frozen=True)
@@ -80,22 +85,24 @@ def stream(seed: int, topic: str) -> np.random.Generator:
     return np.random.default_rng([seed, *topic.encode()])
 
 
-def clock(duration: float) -> Array:
-    """Internal time grid (M,) s of a run of `duration` seconds."""
-    steps = round(duration * RATE_HZ) * EVERY
-    return np.arange(steps + 1) / (RATE_HZ * EVERY)
+def clock(options: Options, duration: float) -> Array:
+    """Internal time grid (M,) s of a run of `duration` seconds: whole samples."""
+    steps = round(duration * options.rate_hz) * options.every
+    return np.arange(steps + 1) / INTERNAL_HZ
 
 
-def follow(seed: int, setup: Setup, commands: Commands, sideways: Array, upward: Array) -> Truth:
+def follow(
+    options: Options, setup: Setup, commands: Commands, sideways: Array, upward: Array
+) -> Truth:
     """Truth of a vehicle point with velocity `[sideways, speed, upward]` (M,) m/s in m."""
     dt = float(commands.time[1])
     w = commands.yaw_rate
     turned = np.concatenate([[0.0], np.cumsum(w[1:] + w[:-1]) * (dt / 2)])
-    heading = stream(seed, "heading").uniform(0, 2 * np.pi) - turned
-    roll, pitch = tilt(stream(seed, "ground"), setup.rough, commands)
+    heading = stream(options.seed, "heading").uniform(0, 2 * np.pi) - turned
+    roll, pitch = tilt(stream(options.seed, "ground"), setup.rough, commands)
     mount = rotation.single(np.radians(setup.mount_deg))
     lat, lon, height = setup.start
     body = Body(np.array([np.radians(lat), np.radians(lon), height]), mount, setup.lever)
     v_m = np.stack([sideways, commands.speed, upward], -1)
     R_nb = inertial.attitude(roll, pitch, heading)
-    return inertial.truth(commands.time, R_nb, v_m, body, EVERY)
+    return inertial.truth(commands.time, R_nb, v_m, body, options.every)

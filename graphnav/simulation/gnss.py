@@ -3,7 +3,6 @@
 import numpy as np
 
 from graphnav.simulation import ellipsoid
-from graphnav.simulation.drive import RATE_HZ
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.inertial import Truth
 
@@ -14,7 +13,8 @@ SPELL_EVERY = 150.0  # s, mean time between two spells of multipath
 
 def fixes(rng: np.random.Generator, truth: Truth) -> dict[str, Array]:
     """Columns of run.csv (N,), NaN between the fixes."""
-    rows = np.arange(RATE_HZ, len(truth.time), RATE_HZ)
+    rate_hz = round(1 / truth.time[1])
+    rows = np.arange(rate_hz, len(truth.time), rate_hz)
     error_n = np.asarray(SD) * rng.standard_normal((len(rows), 3))
     error_n += _multipath(rng, len(rows))
     offset_n = truth.R_nb[rows] @ np.asarray(ANTENNA) + error_n

@@ -7,14 +7,14 @@ import numpy as np
 import pandas as pd
 
 from graphnav.errors import InputError
-from graphnav.simulation.drive import EVERY, RATE_HZ, Driven, Options, Setup, stream
+from graphnav.simulation.drive import INTERNAL_HZ, Driven, Options, Setup, stream
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.gnss import ANTENNA, fixes
 from graphnav.simulation.grades import DEG_H, GRADES, MG, Disturbed, disturb
 
-TRUTH_EVERY = 10  # samples
+TRUTH_HZ = 10
 KEPT_EVERY = 10.0  # s, of the true bias and scale curves
-SPEED_EVERY = 10  # samples between two readings of odo_speed
+SPEED_HZ = 10  # of odo_speed
 SPEED_NOISE = 0.03  # m/s
 
 
@@ -35,28 +35,28 @@ def record(driven: Driven, options: Options) -> Recording:
         raise InputError(f"IMU grade '{setup.grade}' is unknown: use {', '.join(GRADES)}")
     rng = stream(options.seed, "imu")
     truth = driven.truth
-    imu = disturb(rng, GRADES[setup.grade], truth.gyro, truth.accel, 1 / RATE_HZ)
+    imu = disturb(rng, GRADES[setup.grade], truth.gyro, truth.accel, 1 / options.rate_hz)
     run = {"time": np.round(truth.time[1:], 6)}
     for axis, name in enumerate("xyz"):
         run[f"gyro_{name}"] = np.round(imu.gyro[:, axis], 12)
     for axis, name in enumerate("xyz"):
         run[f"accel_{name}"] = np.round(imu.accel[:, axis], 9)
     scale = scale_curve(stream(options.seed, "scale"), truth.time, driven)
-    run |= _odometer(stream(options.seed, "odometer"), driven, scale)
+    run |= _odometer(stream(options.seed, "odometer"), driven, scale, options)
     if options.gnss:
         run |= fixes(stream(options.seed, "gnss"), truth)
-    constants = _constants(driven, imu, scale)
+    constants = _constants(driven, imu, scale, options.rate_hz)
     start_deg = float(truth.angles_deg[0, 2])
     wrong_deg = stream(options.seed, "start").normal(0.0, setup.heading_sd_deg)
     return Recording(
         run=pd.DataFrame(run),
-        truth=_truth(driven),
+        truth=_truth(driven, options.rate_hz),
         vehicle=_vehicle(setup, (start_deg + wrong_deg) % 360, options.gnss),
         calibration={
             "seed": options.seed,
             "ground": options.ground,
             "grade": {"name": setup.grade, **asdict(GRADES[setup.grade])},
-            "distance_m": float(np.sum(driven.commands.speed) / (RATE_HZ * EVERY)),
+            "distance_m": float(np.sum(driven.commands.speed) / INTERNAL_HZ),
             "start_heading_deg": start_deg,
             "calibration": constants,
             "events": [asdict(e) | {"axis": e.axis} for e in driven.events],
@@ -82,24 +82,27 @@ def scale_curve(rng: np.random.Generator, time: Array, driven: Driven) -> Array:
     return np.asarray(1 + curve)
 
 
-def _odometer(rng: np.random.Generator, driven: Driven, scale: Array) -> dict[str, Array]:
-    """`odo_pulses` at every sample or `odo_speed` at every tenth."""
-    speed, dt = driven.odometer_speed, 1 / (RATE_HZ * EVERY)
+def _odometer(
+    rng: np.random.Generator, driven: Driven, scale: Array, options: Options
+) -> dict[str, Array]:
+    """`odo_pulses` at every sample or `odo_speed` at 10 Hz."""
+    speed, dt, every = driven.odometer_speed, 1 / INTERNAL_HZ, options.every
     if not driven.setup.pulse:
         column = np.full(len(scale) - 1, np.nan)
-        at = slice(SPEED_EVERY - 1, None, SPEED_EVERY)
-        clean = speed[EVERY::EVERY][at] / scale[1:][at]
+        apart = options.rate_hz // SPEED_HZ
+        at = slice(apart - 1, None, apart)
+        clean = speed[every::every][at] / scale[1:][at]
         column[at] = np.round(clean + SPEED_NOISE * rng.standard_normal(len(clean)), 4)
         return {"odo_speed": column}
     step = 0.5 * (speed[1:] + speed[:-1]) * dt
-    per_sample = step.reshape(-1, EVERY).sum(1) / (0.5 * (scale[1:] + scale[:-1]))
+    per_sample = step.reshape(-1, every).sum(1) / (0.5 * (scale[1:] + scale[:-1]))
     counted = np.floor(np.cumsum(per_sample) / driven.setup.pulse + rng.uniform())
     return {"odo_pulses": counted.astype(np.int64)}
 
 
-def _truth(driven: Driven) -> pd.DataFrame:
+def _truth(driven: Driven, rate_hz: int) -> pd.DataFrame:
     """truth.csv at 10 Hz, from the first sample on."""
-    truth, rows = driven.truth, slice(1, None, TRUTH_EVERY)
+    truth, rows = driven.truth, slice(1, None, rate_hz // TRUTH_HZ)
     columns: dict[str, Any] = {"time": np.round(truth.time[rows], 6)}
     for k, name in enumerate(("lat", "lon", "height")):
         columns[name] = np.round(truth.lla[rows, k], 12 if k < 2 else 6)
@@ -112,9 +115,9 @@ def _truth(driven: Driven) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _constants(driven: Driven, imu: Disturbed, scale: Array) -> dict[str, Any]:
+def _constants(driven: Driven, imu: Disturbed, scale: Array, rate_hz: int) -> dict[str, Any]:
     """What calibration.json estimates, as it truly was."""
-    every = round(KEPT_EVERY * RATE_HZ)
+    every = round(KEPT_EVERY * rate_hz)
     time = driven.truth.time[::every]
 
     def entry(unit: str, parts: list[str], value: Array, at: Array | None = None) -> dict[str, Any]:

@@ -49,11 +49,11 @@ def drive(options: Options) -> Driven:
     """One run, noise-free. Raises InputError on an unknown ground."""
     ground = _ground(options)
     legs = cut(_legs(stream(options.seed, "plan")), options.duration or DURATION)
-    time = clock(options.duration or DURATION)
+    time = clock(options, options.duration or DURATION)
     moves = commands(time, legs, SPEED_EASE, YAW_EASE)
     sideways = -ground.kappa * CONTACT * moves.yaw_rate
     setup = _setup(stream(options.seed, "mounting"), options)
-    truth = follow(options.seed, setup, moves, sideways, np.zeros(len(time)))
+    truth = follow(options, setup, moves, sideways, np.zeros(len(time)))
     return Driven(setup, moves, truth, _track_speed(moves, ground), _constants(ground))
 
 

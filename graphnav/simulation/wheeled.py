@@ -96,11 +96,11 @@ def episodes(rng: np.random.Generator, duration: float) -> tuple[Event, ...]:
 
 def _driven(options: Options, setup: Setup, traffic: Traffic, events: tuple[Event, ...]) -> Driven:
     duration = options.duration or traffic.duration
-    time = clock(duration)
+    time = clock(options, duration)
     legs = cut(_legs(stream(options.seed, "plan"), traffic, events), duration)
     moves = commands(time, legs, SPEED_EASE, YAW_EASE)
     sideways = traffic.tyre * moves.speed * moves.yaw_rate + _burst(time, events, "side_slip")
-    truth = follow(options.seed, setup, moves, sideways, _burst(time, events, "hop"))
+    truth = follow(options, setup, moves, sideways, _burst(time, events, "hop"))
     odometer, known = _wheel_speed(moves, events)
     return Driven(setup, moves, truth, odometer, {}, known)
 
