@@ -20,7 +20,7 @@ NEAR, FAR = (0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15), (0.7, 1.4)  # of the slip c
 COHERENT = 0.5  # mismatch near over far; above it the wheels do not share a profile
 PIVOT, ASTRAY = 1.0, 0.02  # 1/m curvature of a turn on the spot; m of such way in a window
 LEAST_ROWS = 50
-LIKE_NOISE = 3.0  # neighbouring mismatches share their noise: their sigma is raised by this
+LIKE_NOISE = 2.5  # neighbouring mismatches share their noise: their sigma is raised by this
 LEAST = 2e-4  # m
 
 

@@ -59,7 +59,7 @@ def _slip(time: Array, yaw: Array, seen: ExternalHeading, difference: float) -> 
     fresh = (span > 0.5 * difference) & (span < 1.5 * difference)
     turned = -np.angle(np.exp(1j * (seen.heading - seen.heading[back])))
     wheels = np.interp(seen.time, time, yaw) - np.interp(seen.time[back], time, yaw)
-    use = fresh & (np.abs(turned) > RATE_THRESHOLD * span) & (wheels != 0)
+    use = fresh & (np.abs(turned) > RATE_THRESHOLD * span) & (np.abs(wheels) > 1e-6)
     k = np.clip(turned[use] / wheels[use], K_MIN, K_MAX)
     last = np.searchsorted(seen.time[use], time, side="right")
     return np.concatenate([[K_START], k])[last]

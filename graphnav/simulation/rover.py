@@ -145,7 +145,8 @@ def _wheels(time: Array, pose: ground.Pose, drift_n: Array) -> tuple[rb.Joints, 
     steer = np.arctan2(forward * v_b[..., 0], forward * ahead)
     moving = np.hypot(v_b[..., 0], ahead) > 2e-3
     for i in range(6):  # standing: the wheel is on its way from the last angle to the next
-        steer[:, i] = np.interp(time, time[moving[:, i]], steer[moving[:, i], i])
+        on = moving[:, i]
+        steer[:, i] = np.interp(time, time[on], steer[on, i]) if on.any() else 0.0
     u_speed = v_b[..., 0] * np.sin(steer) + ahead * np.cos(steer)
     rolling = np.sign(u_speed) * np.hypot(u_speed, above) / LINKAGE.wheel_radius
     joint_rates = rb.Joints(

@@ -1,0 +1,311 @@
+"""The rover's factors and its way through the graph: gyro-free, with gyros, sensors missing."""
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from factor_check import assert_jacobian, random_estimate
+
+from factors import so3
+from factors import terrain_slip as ts
+from factors import wheel_velocity as wv
+from factors.block import Block
+from factors.calibration import Component, Layout
+from graphnav.angles import angles_of_rotation
+from graphnav.errors import InputError
+from graphnav.estimate import Estimate
+from graphnav.read import read_run
+from graphnav.rover_result import solve_rover
+from graphnav.run import Run
+from graphnav.simulation import rover as simulator
+from graphnav.simulation.rover_sensors import Conditions
+from graphnav.solved import Solved
+from graphnav.vehicle import Vehicle
+from graphnav.vehicle_file import parse_vehicle
+from tools.rover_baseline import paper_track
+
+SEEDS = pytest.mark.parametrize("seed", range(3))
+NAMES = ("accel_bias", "toe", "slip_coefficient", "side_slip", "yaw_slip")
+LAYOUT = Layout(
+    tuple(
+        Component(
+            name, np.zeros(3 if name == "accel_bias" else 1), np.ones(3)[: 3 if i == 0 else 1]
+        )
+        for i, name in enumerate(NAMES)
+    )
+)
+N = 5
+SEGMENT = np.array([0, 0, 1, 1])
+TIME = np.arange(N) * 1.0
+
+
+def states(rng: np.random.Generator) -> Estimate:
+    x = random_estimate(rng, N, 2, LAYOUT.dim)
+    for k in range(N - 1):
+        x.R_nb[k + 1] = x.R_nb[k] @ so3.exp(0.1 * rng.normal(size=3))
+    x.p_n[:] = 0.1 * rng.normal(size=(N, 3))
+    x.v_n[:] = 0.1 * rng.normal(size=(N, 3))
+    return x
+
+
+def random_sums(rng: np.random.Generator) -> wv.WheelSums:
+    n = N - 1
+    return wv.WheelSums(
+        displacement=0.1 * rng.normal(size=(n, 3)),
+        path=rng.uniform(0.05, 0.2, n),
+        ahead=rng.uniform(-0.2, 0.2, n),
+        yaw=0.05 * rng.normal(size=n),
+        centroid_b=rng.normal(size=(N, 3)),
+    )
+
+
+@SEEDS
+def test_wheel_displacement_jacobian(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, sums, sigma = states(rng), random_sums(rng), np.full((N - 1, 3), 0.7)
+
+    def block(x: Estimate) -> Block:
+        turn = wv.interval(x.R_nb)
+        return wv.wheel_displacement(
+            sums, turn, x.R_nb, x.p_n, x.calibration, LAYOUT, SEGMENT, sigma, TIME
+        )
+
+    assert_jacobian(block, x)
+
+
+@SEEDS
+def test_wheel_yaw_tilt_level_and_speed_jacobians(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x, sums, sigma = states(rng), random_sums(rng), np.full(N, 0.7)
+    g_n, vectors, at_node = (
+        np.array([0.0, 0.0, -9.8]),
+        rng.normal(size=(N, 3)),
+        np.append(SEGMENT, 1),
+    )
+    every = np.arange(N)
+    assert_jacobian(
+        lambda x: wv.wheel_yaw(
+            sums, wv.interval(x.R_nb), x.calibration, LAYOUT, SEGMENT, sigma[1:], TIME
+        ),
+        x,
+    )
+    assert_jacobian(lambda x: wv.tilt(wv.interval(x.R_nb), sigma[1:], TIME), x)
+    assert_jacobian(
+        lambda x: wv.level(
+            vectors, every, x.R_nb, g_n, x.calibration, LAYOUT, at_node, sigma, TIME
+        ),
+        x,
+    )
+    assert_jacobian(
+        lambda x: wv.wheel_speed(
+            vectors, x.R_nb, x.v_n, x.calibration, LAYOUT, at_node, sigma, TIME
+        ),
+        x,
+    )
+
+
+@SEEDS
+def test_bounds_and_wander_jacobians(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    x = states(rng)
+    wandering = (wv.Wandering(LAYOUT.components[2], 20.0),)
+    path, time = np.array([3.0, 8.0]), np.array([5.0, 15.0])
+    for which in range(2):
+
+        def wander(x: Estimate, which: int = which) -> Block:
+            return wv.wander(LAYOUT, wandering, x.calibration, path, time)[which]
+
+        assert_jacobian(wander, x)
+    x.calibration[:, LAYOUT.column("slip_coefficient")] = [1.4, 0.2]
+
+    def block(x: Estimate) -> Block:
+        return wv.bounds(LAYOUT, "slip_coefficient", 0.7, 1.0, 0.1, x.calibration, time)
+
+    assert_jacobian(block, x)
+    np.testing.assert_allclose(block(x).residual[:, 0], [4.0, -5.0])
+    inside = replace(x, calibration=0 * x.calibration + 0.9)
+    assert not block(inside).residual.any()
+
+
+def ground(s: np.ndarray) -> np.ndarray:
+    return np.asarray(0.03 * np.sin(4.2 * s) + 0.04 * np.sin(2.3 * s + 1) + 0.01 * np.sin(7 * s))
+
+
+def profile(k: float, L_1: float, L_2: float) -> ts.Profile:
+    """What the linkage feels of `ground`, along the way the wheels count."""
+    s = k * np.arange(0.0, 40.0, 0.02)
+    front, middle, rear = ground(s + L_1), ground(s), ground(s - L_2)
+    return ts.Profile(0.02, front - middle, middle - rear, L_1, L_2)
+
+
+@pytest.mark.parametrize(("L_1", "L_2"), [(0.6, 0.6), (0.8, 0.5)])
+def test_terrain_mismatch_vanishes_at_the_true_slip_only(L_1: float, L_2: float) -> None:
+    felt, at = profile(0.87, L_1, L_2), np.arange(3.0, 36.0, 0.1)
+    one = np.ones_like(at)
+    right = np.abs(ts.mismatch(felt, at, 0.87 * one, one)[0]).max()
+    wrong = [np.abs(ts.mismatch(felt, at, k * one, one)[0]).max() for k in (0.84, 0.90)]
+    assert 100 * right < min(wrong)
+
+
+def test_terrain_slip_jacobian() -> None:
+    rng = np.random.default_rng(1)
+    x = states(rng)
+    x.calibration[:, LAYOUT.column("slip_coefficient")] = [0.85, 0.93]
+    s = np.arange(0.0, 40.0, 0.02)
+    smooth = ts.Profile(0.02, 0.1 * s**2, -0.05 * s**2, 0.8, 0.5)  # np.gradient is exact on it
+    at = np.round(rng.uniform(3, 36, 4), 2)
+    arc = rng.uniform(0.97, 1, 4)
+
+    def block(x: Estimate) -> Block:
+        sigma, time = np.full(4, 0.01), np.arange(4.0)
+        return ts.terrain_slip(smooth, at, arc, x.calibration, LAYOUT, SEGMENT, sigma, time, "left")
+
+    assert_jacobian(block, x, rtol=0.02)  # the profile is a polygon: its slope is a step function
+
+
+def test_arc_share() -> None:
+    share = ts.arc_share(np.array([0.0, 0.5, -0.5]), 0.6)
+    np.testing.assert_allclose(share, [1, np.arctan(0.3) / 0.3, np.arctan(0.3) / 0.3])
+
+
+# -- whole runs ---------------------------------------------------------------------------------
+
+
+class Case:
+    """A simulated run through the files, as a user would give it."""
+
+    def __init__(self, folder: Path, seed: int, conditions: Conditions) -> None:
+        self.simulated = simulator.simulate(seed, conditions)
+        self.simulated.write(folder)
+        self.vehicle: Vehicle = parse_vehicle(tomllib.loads(self.simulated.vehicle))
+        self.run: Run = read_run(folder / "run.csv", self.vehicle)
+        truth = self.simulated.truth
+        self.time = truth["time"].to_numpy() - self.run.clock_start
+        origin = simulator.ORIGIN
+        lla = np.radians(truth["lat"]), np.radians(truth["lon"]), truth["height"]
+        p_n = origin.local(*(np.asarray(x) for x in lla))
+        self.p_n = p_n - p_n[0]
+        self.heading = np.radians(truth["heading_deg"].to_numpy())
+        self.k = truth["slip_coefficient"].to_numpy()
+
+    def errors(self, solved: Solved) -> tuple[float, float, float]:
+        """Position at worst m, heading RMS deg, slip coefficient RMS while turning."""
+        R, _, p = solved.path.at(self.time)
+        k = next(c for c in solved.calibrated if c.name == "slip_coefficient")
+        slip = np.interp(self.time, k.time, k.value[:, 0]) - self.k
+        return self.scores(p, angles_of_rotation(R)[2], slip)
+
+    def scores(
+        self, p: np.ndarray, heading: np.ndarray, slip: np.ndarray
+    ) -> tuple[float, float, float]:
+        wrong = np.angle(np.exp(1j * (heading - self.heading)))
+        turning = np.abs(np.gradient(np.unwrap(self.heading), self.time)) > 0.01
+        return (
+            float(np.linalg.norm((p - p[0] - self.p_n)[:, :2], axis=1).max()),
+            float(np.degrees(np.sqrt(np.mean(wrong**2)))),
+            float(np.sqrt(np.mean(slip[turning] ** 2))),
+        )
+
+    def paper(self) -> tuple[float, float, float]:
+        track = paper_track(self.run, simulator.LINKAGE, float(self.heading[0]))
+        p = np.stack([np.interp(self.time, track.time, x) for x in track.p_n.T], -1)
+        heading = np.interp(self.time, track.time, np.unwrap(track.heading))
+        slip = np.interp(self.time, track.time, track.slip_coefficient) - self.k
+        return self.scores(p, heading, slip)
+
+
+@pytest.fixture(scope="module")
+def case(tmp_path_factory: pytest.TempPathFactory) -> Case:
+    return Case(tmp_path_factory.mktemp("rover"), 21, Conditions(duration=1200.0))
+
+
+@pytest.fixture(scope="module")
+def solved(case: Case) -> Solved:
+    return solve_rover(case.run, case.vehicle)
+
+
+def test_gyro_free_beats_the_paper(case: Case, solved: Solved) -> None:
+    assert case.run.imu is None
+    worst, heading, slip = case.errors(solved)
+    paper_worst, paper_heading, paper_slip = case.paper()
+    assert worst < paper_worst / 3
+    assert heading < paper_heading / 3
+    assert slip < 0.025 < paper_slip
+
+
+def test_errors_are_as_large_as_told(case: Case, solved: Solved) -> None:
+    _, _, p = solved.path.at(case.time)
+    node = np.searchsorted(solved.node_time, case.time).clip(0, len(solved.node_time) - 1)
+    sd = np.sqrt(np.einsum("nii->ni", solved.node_covariance[node])[:, 6:8])
+    share = (p - p[0] - case.p_n)[60:, :2] / sd[60:]
+    assert np.mean(share**2) < 4  # one run is one draw: a small error proves nothing
+    assert sd[-1].max() < 0.02 * float(np.sum(np.linalg.norm(np.diff(case.p_n, axis=0), axis=1)))
+
+
+def test_states_and_spinning_wheels_are_told(case: Case, solved: Solved) -> None:
+    true = case.simulated.truth["state"].to_numpy()
+    assert np.mean(solved.timeline.state_at(case.time) == true) > 0.97
+    wheel = case.run.rover.wheel.copy()  # type: ignore[union-attr]
+    driven = np.flatnonzero(np.abs(wheel).min(axis=1) > 0.3)
+    start = int(driven[len(driven) // 2])
+    wheel[start : start + 100, 3] *= 1.8
+    spun = replace(case.run, rover=replace(case.run.rover, wheel=wheel))  # type: ignore[type-var]
+    again = solve_rover(spun, case.vehicle)
+    told = [e for e in again.wheel_events if e.kind == "wheel_spin" and e.axis == "wheel_4"]
+    assert any(abs(e.start - 0.1 * start) < 3 for e in told)
+    assert case.errors(again)[0] < case.errors(solved)[0] + 0.5
+
+
+def test_slip_is_not_read_from_ground_that_does_not_match(case: Case) -> None:
+    gear = case.run.rover
+    assert gear is not None
+    level = replace(
+        gear, rocker=0 * gear.rocker, bogie_left=0 * gear.rocker, bogie_right=0 * gear.rocker
+    )
+    blind = solve_rover(replace(case.run, rover=level), case.vehicle)
+    assert not any(b.kind == "terrain_slip" and len(b.time) for b in blind.blocks)
+    assert case.errors(blind)[1] < 3
+
+
+@pytest.mark.parametrize("lost", ["heading", "accelerometer", "wheel", "steer"])
+def test_a_sensor_may_be_missing(case: Case, lost: str) -> None:
+    run, gear = case.run, case.run.rover
+    assert gear is not None
+    if lost == "heading":
+        run = replace(run, heading=None)
+    elif lost == "accelerometer":
+        run = replace(run, accelerometer=None)
+    elif lost == "wheel":
+        wheel = gear.wheel.copy()
+        wheel[:, 2] = np.nan
+        run = replace(run, rover=replace(gear, wheel=wheel))
+    else:
+        run = replace(run, rover=replace(gear, steer=0 * gear.steer))
+    worst, _, _ = case.errors(solve_rover(run, case.vehicle))
+    way = float(np.linalg.norm(np.diff(case.p_n, axis=0), axis=1).sum())
+    assert worst < 0.15 * way
+
+
+def test_without_any_heading_it_says_what_is_missing(case: Case) -> None:
+    start = case.vehicle.start.model_copy(update={"heading_deg": None})
+    vehicle = case.vehicle.model_copy(update={"start": start})
+    with pytest.raises(InputError, match="heading_deg"):
+        solve_rover(replace(case.run, heading=None), vehicle)
+    worst, _, _ = case.errors(solve_rover(case.run, vehicle))  # the sun alone suffices
+    assert worst < 5
+
+
+def test_without_geometry_it_names_the_keys(case: Case) -> None:
+    spec = case.vehicle.rover.model_copy(update={"l_r1": None, "wheel_radius": None})
+    with pytest.raises(InputError, match="l_r1, wheel_radius"):
+        solve_rover(case.run, case.vehicle.model_copy(update={"rover": spec}))
+
+
+def test_a_mems_gyro_makes_it_better_again(tmp_path: Path, case: Case, solved: Solved) -> None:
+    with_gyro = Case(tmp_path, 21, Conditions(duration=1200.0, gyro=True))
+    assert with_gyro.run.imu is not None
+    worst, heading, slip = with_gyro.errors(solve_rover(with_gyro.run, with_gyro.vehicle))
+    free = case.errors(solved)
+    assert heading < 0.3 * free[1] and slip < free[2] * 1.05 and worst < 2.0
