@@ -23,6 +23,7 @@ from graphnav.standstill import (
     rocking,
     spans,
     standing,
+    unmoved,
     within,
 )
 from graphnav.vehicle import Vehicle
@@ -77,6 +78,9 @@ def prepare(
     used = replace(run, gnss=gnss)
     still = standing(inc, run.odometer)
     rests = spans(still, inc.edge)
+    if gnss is not None:
+        rests = unmoved(rests, gnss)
+        still = within(inc, rests)
     alignment = align(used, vehicle, inc, standing_start(rests, inc))
     if run.odometer is None:
         rests = believable(rests, *_reckoned_speed(inc, vehicle, alignment))

@@ -5,7 +5,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
 from factors.preintegration import Increments
-from graphnav.run import Array, Odometer
+from graphnav.earth import Origin
+from graphnav.odometry import speed_at
+from graphnav.run import Array, Gnss, Odometer
 
 Mask = NDArray[np.bool_]
 
@@ -14,6 +16,8 @@ SHORTEST_S = 1.0
 STARTS_WITHIN_S = 5.0  # of the run's start: a rest that begins later is no standing start
 SPEED_SLACK, SPEED_DRIFT = 0.3, 0.01  # m/s and m/s^2, of a speed reckoned from the IMU alone
 MOST_SLACK = 1.5  # m/s; a speed known worse than this tells no stop from a crawl
+BRAKING_S, BRAKING_SLACK = 2.0, 2.5  # s before a rest, m/s of braking the IMU may miss there
+FIXED_SPEED, FIXED_SIGMAS = 1.0, 3.0  # m/s and deviations by which fixes contradict a rest
 # without an odometer the IMU alone must be this still: m/s^2 and rad/s, standard deviations
 QUIET_FORCE, QUIET_RATE, SLOW_RATE = 0.06, 0.004, 0.01
 
@@ -32,6 +36,8 @@ def standing(inc: Increments, odometer: Odometer | None) -> Mask:
             return silent
         quiet = silent & (shake < 4 * np.median(shake[silent]) + 1e-3)
         quiet &= turn < 4 * np.median(turn[silent]) + 1e-6
+        found = spans(_long_enough(quiet, np.diff(inc.edge)), inc.edge)
+        quiet &= within(inc, braked(found, inc, odometer))
     return _long_enough(quiet, np.diff(inc.edge))
 
 
@@ -71,6 +77,41 @@ def believable(rests: Array, time: Array, speed: Array) -> Array:
         slack = SPEED_SLACK + SPEED_DRIFT * since
         if slack < MOST_SLACK and np.abs(gained).max() < slack:
             kept.append(rest)
+    return np.array(kept).reshape(-1, 2)
+
+
+def braked(rests: Array, inc: Increments, odometer: Odometer) -> Array:
+    """The rests (K, 2) s before which the IMU slows as the odometer does: a locked wheel is none.
+
+    Gravity along the vehicle is taken from the rest itself.
+    """
+    kept = []
+    forward = np.concatenate([[0.0], np.cumsum(inc.velocity[:, 1])])
+    for start, end in rests:
+        before = max(start - BRAKING_S, inc.edge[0])
+        v_before, v_start, v_end = np.interp([before, start, end], inc.edge, forward)
+        gravity = (v_end - v_start) / (end - start)
+        slowed = v_start - v_before - gravity * (start - before)
+        if abs(slowed + float(speed_at(odometer, np.array(before)))) < BRAKING_SLACK:
+            kept.append((start, end))
+    return np.array(kept).reshape(-1, 2)
+
+
+def unmoved(rests: Array, gnss: Gnss) -> Array:
+    """The rests (K, 2) s that fixes do not contradict by moving along."""
+    kept = []
+    lat, lon, height = np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
+    fixes_n = Origin(float(lat[0]), float(lon[0]), float(height[0])).local(lat, lon, height)
+    for start, end in rests:
+        on = np.flatnonzero((gnss.time >= start - 0.5) & (gnss.time <= end + 0.5))
+        few = max(1, len(on) // 4)
+        if len(on) >= 2:
+            away = np.median(fixes_n[on[-few:], :2], 0) - np.median(fixes_n[on[:few], :2], 0)
+            moved = float(np.linalg.norm(away))
+            sd = float(np.median(gnss.sd_enu[on, :2]))
+            if moved > FIXED_SPEED * (end - start) and moved > FIXED_SIGMAS * np.sqrt(2) * sd:
+                continue
+        kept.append((start, end))
     return np.array(kept).reshape(-1, 2)
 
 

@@ -4,31 +4,36 @@ import numpy as np
 import pytest
 
 from factors.preintegration import Increments
-from graphnav.run import Array, Odometer
-from graphnav.standstill import Mask, believable, rocking, spans, standing
+from graphnav.run import Array, Gnss, Odometer
+from graphnav.standstill import Mask, believable, rocking, spans, standing, unmoved
 
 STEP = 0.05
 REST = (20.0, 30.0)
 
 
 def increments(
-    noise_at_rest: float = 2e-3, noise_driving: float = 0.3, seed: int = 1
+    noise_at_rest: float = 2e-3, noise_driving: float = 0.3, braking: float = 2.0
 ) -> Increments:
-    """60 s; noise of force [m/s^2] and a tenth of it of rate [rad/s]; at rest from 20 to 30 s."""
-    rng = np.random.default_rng(seed)
+    """60 s; noise of force [m/s^2] and a tenth of it of rate [rad/s]; at rest from 20 to 30 s.
+
+    Brakes from 16 s on and gathers way until 34 s, with `braking` m/s^2.
+    """
+    rng = np.random.default_rng(1)
     edge = np.arange(1201) * STEP
-    at_rest = (edge[:-1] >= REST[0]) & (edge[:-1] < REST[1])
+    at = edge[:-1]
+    at_rest = (at >= REST[0]) & (at < REST[1])
     noise = np.where(at_rest, noise_at_rest, noise_driving)[:, None]
     force = noise * rng.normal(size=(1200, 3)) + [0, 0, 9.8]
+    force[:, 1] += braking * (((at >= 30) & (at < 34)) * 1.0 - ((at >= 16) & (at < 20)))
     rate = 0.1 * noise * rng.normal(size=(1200, 3)) + np.where(at_rest, 0, 0.05)[:, None]
     velocity = force * STEP
     return Increments(edge, rate * STEP, velocity, velocity * STEP / 2, np.zeros(1200))
 
 
-def odometer(rest: tuple[float, float] = REST, speed: float = 8.0, pulse: float = 0.0) -> Odometer:
-    """10 Hz; zero during `rest`."""
+def odometer(rest: tuple[float, float] = REST, pulse: float = 0.0, ramp: float = 4.0) -> Odometer:
+    """10 Hz; zero during `rest`, 8 m/s before and after, `ramp` s between."""
     time = np.arange(0, 60.05, 0.1)
-    value = np.where((time >= rest[0]) & (time <= rest[1]), 0.0, speed)
+    value = np.interp(time, [rest[0] - ramp, *rest, rest[1] + ramp], [8.0, 0.0, 0.0, 8.0])
     distance = np.concatenate([[0.0], np.cumsum(0.05 * (value[1:] + value[:-1]))])
     if pulse:
         distance = np.floor(distance / pulse) * pulse
@@ -101,3 +106,19 @@ def test_rocking_is_the_angle_without_its_trend() -> None:
     found = rocking(inc, np.array([[0.0, 30.0]]))
     np.testing.assert_allclose(found, [2e-4, 0, 0], atol=2e-6)
     np.testing.assert_array_equal(rocking(inc, np.zeros((0, 2))), 0)
+
+
+def test_a_locked_wheel_is_no_stop() -> None:
+    """The odometer falls from 8 m/s to nothing, the IMU, quiet as at rest, feels no braking."""
+    quiet = increments(noise_driving=2e-3, braking=0.0)
+    assert not standing(quiet, odometer(ramp=0.1)).any()
+    assert standing(increments(noise_driving=2e-3), odometer()).any()
+
+
+@pytest.mark.parametrize(("speed", "kept"), [(0.0, 1), (8.0, 0)])
+def test_fixes_that_move_along_contradict_a_rest(speed: float, kept: int) -> None:
+    time = np.arange(0.0, 60.0)
+    noise = 1.5 * np.random.default_rng(4).normal(size=(60, 2))
+    north = (speed * time + noise[:, 0]) / 111_000
+    gnss = Gnss(time, 45 + north, 10 + noise[:, 1] / 78_000, 0 * time, np.full((60, 3), 1.5))
+    assert len(unmoved(np.array([REST]), gnss)) == kept
