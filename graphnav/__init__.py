@@ -7,4 +7,19 @@ everything is SI, radians and seconds from the run's start; degrees appear only 
 then in the name (`heading_deg`).
 """
 
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from graphnav.streaming import Smoother
+
 __version__ = "0.1.0"
+__all__ = ["Smoother", "__version__"]
+
+
+def __getattr__(name: str) -> Any:
+    """`graphnav.Smoother` on first use: importing graphnav stays fast."""
+    if name == "Smoother":
+        from graphnav.streaming import Smoother
+
+        return Smoother
+    raise AttributeError(f"module 'graphnav' has no attribute '{name}'")

@@ -1,4 +1,4 @@
-"""Motion states as the vehicle knew them: recognised on the seconds just driven, again and again."""
+"""Motion states as the vehicle knew them: recognised on the seconds just driven, anew every few."""
 
 import numpy as np
 

@@ -7,7 +7,7 @@ So the total work is linear in the run's length, and what the batch re-estimates
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import gtsam
 import numpy as np
@@ -18,31 +18,24 @@ from factors.calibration import prior as calibration_prior
 from factors.calibration import walk
 from factors.inertial import predict
 from factors.preintegration import Preintegrated
+from graphnav.aiding import Aid, joined
+from graphnav.earth import Origin
 from graphnav.estimate import Estimate
-from graphnav.intake import Distance, Inertial
-from graphnav.isam import Rows, Tree, stacked
+from graphnav.intake import FIX_SPACING_S, Distance, Inertial
+from graphnav.interval_rows import Rows, stacked
+from graphnav.isam import Tree
 from graphnav.nodes import SEGMENT_S, Nodes
 from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
-from graphnav.run import Array, ExternalHeading, Gnss
+from graphnav.run import Array
 from graphnav.smoother import FIRST
 from graphnav.tape import Tape
 from graphnav.timeline import Timeline
 
 SWEEP_EVERY, SWEEP_BACK = 10, 30  # nodes: how often, and how many of the newest, are relinearised
 GROWTH = 1.5  # of the run's length between relinearisations of all of it
-SETTLED = 1e-4  # largest change of an error state (m, rad, m/s) after which a settling stops
-MOST_SWEEPS = 6
+KEPT = 4 * SWEEP_BACK  # nodes that stay in the tree, at least
 UNIT = 10.0  # prior sigmas: iSAM2 then passes on changes of a hundredth of a sigma
-
-
-@dataclass(frozen=True)
-class Aid:
-    """What a sensor other than IMU and odometer says near a node."""
-
-    gnss: Gnss | None = None  # one fix
-    fix_n: Array | None = None  # (1, 3) m
-    heading: ExternalHeading | None = None  # one
 
 
 class Growing:
@@ -56,12 +49,13 @@ class Growing:
         still: Tape,
         lag: float | None,
     ) -> None:
-        """`prep` carries alignment, noise and layout; its sensors are replaced interval by interval.
+        """`prep` carries alignment, noise and layout; its sensors are those of each interval.
 
         `still` 0 or 1 by increment. With `lag` s nothing older is ever linearised again.
         """
         self.prep, self._inertial, self._odometer = prep, inertial, odometer
         self._still, self._lag = still, lag
+        self._kept = KEPT + round((lag or 0.0) / FIX_SPACING_S)
         self.edge, self.time = Tape(), Tape()
         self._R, self._v, self._p, self._phase = Tape(3, 3), Tape(3), Tape(3), Tape()
         self._node_tapes = (self._R, self._v, self._p, self._phase)
@@ -102,7 +96,8 @@ class Growing:
     def base(self, first: int, last: int) -> Estimate:
         """Where the error states of nodes `first` to `last` are zero."""
         on, seg = slice(first, last + 1), self._segments(first, last)
-        return Estimate(*(x.rows[on] for x in self._node_tapes), calibration=self._c.rows[seg])
+        R, v, p, phase = (x.rows[on] for x in self._node_tapes)
+        return Estimate(R, v, p, phase, self._c.rows[seg])
 
     def _segments(self, first: int, last: int) -> slice:
         """Segments in force from node `first` to node `last`, or before a single node."""
@@ -126,9 +121,24 @@ class Growing:
         """The estimate of all nodes and segments."""
         return self.base(0, self.last).retract(*self._tree.everything())
 
+    def whole(self, at: Estimate) -> Problem:
+        """The batch's problem over all nodes."""
+        return self.problem(0, self.last, at)[0]
+
+    @property
+    def origin(self) -> Origin:
+        """The frame n."""
+        return self.prep.alignment.origin
+
     def newest(self, i: int) -> tuple[Array, Array, Array, Array]:
         """Attitude, velocity, position and covariance (9, 9) of the node that entered last."""
-        x, P, _ = self._tip
+        return self._told(i, self._tip[0], self._tip[1])
+
+    def past(self, i: int) -> tuple[Array, Array, Array, Array]:
+        """The same of an older node, as it is known now."""
+        return self._told(i, *self._tree.marginal(i))
+
+    def _told(self, i: int, x: Array, P: Array) -> tuple[Array, Array, Array, Array]:
         R = self._R.rows[i] @ so3.exp(x[ROTATION])
         return R, self._v.rows[i] + x[VELOCITY], self._p.rows[i] + x[POSITION], P[:9, :9]
 
@@ -138,26 +148,24 @@ class Growing:
         segment = self.segment.rows[first:last].astype(np.int64)
         seg = slice(int(segment[0]), int(segment[-1]) + 1)
         own = segment - segment[0]
-        return Nodes(edge - edge[0], self.time.rows[first : last + 1], own, self.segment_time.rows[seg])
+        return Nodes(
+            edge - edge[0], self.time.rows[first : last + 1], own, self.segment_time.rows[seg]
+        )
 
     def problem(self, first: int, last: int, at: Estimate) -> tuple[Problem, Prepared]:
         """The batch's factors between two nodes, increments integrated with the biases of `at`."""
         nodes = self.nodes(first, last)
         a, b = int(self.edge.rows[first]), int(self.edge.rows[last])
         t = nodes.time
-        there = self._odometer and self._odometer.around(float(t[0]), float(t[-1]))
-        aids = self._aids[first + 1 if first else 0 : last + 1]
-        fixes = [x.gnss for x in aids if x.gnss is not None]
-        gnss = Gnss(*_joined(fixes)) if fixes else None
-        sensed = [x.heading for x in aids if x.heading is not None]
-        heading = ExternalHeading(*_joined(sensed)) if sensed else None
+        near = self._odometer and self._odometer.around(float(t[0]), float(t[-1]))
+        gnss, fixes_n, heading = joined(self._aids[first + 1 if first else 0 : last + 1])
         prep = replace(
             self.prep,
-            run=replace(self.prep.run, odometer=there or None, gnss=gnss, heading=heading),
+            run=replace(self.prep.run, odometer=near or None, gnss=gnss, heading=heading),
             inc=self._inertial.between(a, b),
             still=self._still.rows[a:b] > 0,
             gnss=gnss,
-            fixes_n=np.concatenate([x.fix_n for x in aids if x.fix_n is not None] or [np.zeros((0, 3))]),
+            fixes_n=fixes_n,
         )
         names = np.array(self.states[first:last])
         line = Timeline(t[:-1], t[1:], names, np.ones(len(names)))
@@ -191,8 +199,9 @@ class Growing:
                 x[k], c_i = self._tip[0], self._tip[2]
                 c[k] = c_i + self._c.rows[seg - bool(tie)] - self._c.rows[seg]
             row = row.weighted(row.predicted(x[k], c[k]))
-            self._tree.extend(i, row.factors(i, segment[k : k + 1], self._unit)[0], seg, tie)
-            self._tip = (*self._tree.newest(i + 1), self._tree.newest_segment(seg))
+            factor = row.factors(i, segment[k : k + 1], self._unit)[0]
+            self._tree.extend(factor, seg, tie, self._kept)
+            self._tip = (*self._tree.marginal(i + 1), self._tree.segment(seg))
             yield i + 1
         self._sweep()
 
@@ -230,7 +239,9 @@ class Growing:
 
     def _tied(self, block: Block, first: int) -> list[gtsam.JacobianFactor]:
         """A block on calibrations, its segments numbered from `first`, in the tree's unit."""
-        terms = [replace(t, index=t.index + first, jacobian=t.jacobian * self._unit) for t in block.terms]
+        terms = [
+            replace(t, index=t.index + first, jacobian=t.jacobian * self._unit) for t in block.terms
+        ]
         return list(replace(block, terms=tuple(terms)).jacobian_factors())
 
     def _rows(self, blocks: list[Block], first: int, intervals: int) -> Rows:
@@ -261,37 +272,6 @@ class Growing:
         rows = rows.weighted(-rows.b)
         segment: Index = self.segment.rows[first:last].astype(np.int64)
         own = c[segment - seg.start]
-        self._tree.exchange(first, rows.in_base(x, own).factors(first, segment, self._unit))
-        self._tip = (*self._tree.newest(last), self._tree.newest_segment(int(segment[-1])))
-
-    def settle(self) -> int:
-        """Linearise all until the estimate stands; the number of passes."""
-        before = self.everything()
-        for sweep in range(1, MOST_SWEEPS + 1):
-            self.relinearise(0)
-            after = self.everything()
-            moved = max(
-                float(np.abs(after.p_n - before.p_n).max()),
-                float(np.abs(after.R_nb - before.R_nb).max()),
-            )
-            before = after
-            if moved < SETTLED:
-                break
-        return sweep
-
-
-def _joined(parts: list[object]) -> list[Array]:
-    """The fields of several samples of one sensor, concatenated."""
-    names = parts[0].__dataclass_fields__  # type: ignore[attr-defined]
-    return [np.concatenate([getattr(p, name) for p in parts]) for name in names]
-
-
-def _with_next(x: Estimate, R: Array, v: Array, p: Array) -> Estimate:
-    """An estimate of one node and of the next."""
-    return Estimate(
-        R_nb=np.stack([x.R_nb[0], R]),
-        v_n=np.stack([x.v_n[0], v]),
-        p_n=np.stack([x.p_n[0], p]),
-        phase=np.append(x.phase, 0.0),
-        calibration=x.calibration,
-    )
+        factors = rows.in_base(x, own).factors(first, segment, self._unit)
+        self._tree.exchange(first, factors, self._kept)
+        self._tip = (*self._tree.marginal(last), self._tree.segment(int(segment[-1])))

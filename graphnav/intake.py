@@ -51,9 +51,9 @@ class Inertial:
     def _compound(self) -> None:
         samples = self._samples.rows
         if self._size == 0:
-            dt = float(np.median(np.diff(samples[:FEWEST, 0])))
-            self._size = max(1, round(self._grid_s / dt))
-            self.edge.push(samples[0, 0] - dt)
+            usual = float(np.median(np.diff(samples[:FEWEST, 0])))
+            self._size = max(1, round(self._grid_s / usual))
+            self.edge.push(samples[0, 0] - usual)
         size, done = self._size, len(self)
         whole = (len(samples) - NEIGHBOURS) // size
         if whole <= done:
@@ -190,7 +190,7 @@ def next_node(last: int, edge: Array, still: Array, aids: Array, start: float) -
             target = float(aids[k])
     # an edge may not be the last of the judged ones: a change of standstill is seen after it
     found = max(int(np.searchsorted(edge[:ready], target - half)), last + 1)
-    changes = np.flatnonzero(np.diff(still[last:found + 1])) + last + 1
+    changes = np.flatnonzero(np.diff(still[last : found + 1])) + last + 1
     if len(changes):
         return int(min(changes[0], found))
     return found if found < ready else None

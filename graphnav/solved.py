@@ -66,6 +66,7 @@ class Solved:
     solver: dict[str, Any]  # for summary.json
     verdicts: list[str]
     wheel_events: tuple[Event, ...] = ()  # of single wheels of a rover
+    causal: dict[str, Array] | None = None  # columns of trajectory_causal.parquet
 
 
 def row_weights(solved: Solved, kinds: tuple[str, ...]) -> tuple[Array, Array]:

@@ -1,61 +1,27 @@
 """Sensors in, one by one or in pieces; out comes where the vehicle is, as known at that moment."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from graphnav import calibrations
-from graphnav.alignment import LEVELLING_S, Alignment, align
-from graphnav.angles import angles_of_rotation
+from factors.preintegration import Increments
+from graphnav.aiding import Aiding
+from graphnav.beginning import Beginning
 from graphnav.causal_states import CausalStates
 from graphnav.corrections import Correction, correction_table
-from graphnav.earth import Origin
 from graphnav.errors import InputError
-from graphnav.growing import Aid, Growing
+from graphnav.growing import Growing
 from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, next_node
+from graphnav.known import Known
 from graphnav.nodes import CLOSEST_S
-from graphnav.preparation import Prepared, inertial_noise, params, standing_start
-from graphnav.problem import FIX_REACH_S
+from graphnav.preparation import params
 from graphnav.read import FASTEST
-from graphnav.run import Array, ExternalHeading, Gnss, Run
+from graphnav.run import Array
 from graphnav.standstill import rocking
-from graphnav.tape import Tape
 from graphnav.vehicle import Vehicle
-
-LONGEST_REST_S = 120.0  # of a standing start that is waited for before aligning
-FEW_FIXES = 10  # make the origin
-
-
-@dataclass(frozen=True)
-class Known:
-    """What the vehicle knew of itself at one moment."""
-
-    time: float  # s, on the sensors' clock
-    R_nb: Array  # (3, 3)
-    v_n: Array  # (3,) m/s
-    p_n: Array  # (3,) m from `origin`
-    covariance: Array  # (9, 9) of [theta (b), v (n), p (n)]
-    origin: Origin
-    latency: float  # s, from the node being due to this estimate
-
-    @property
-    def heading_deg(self) -> float:
-        """Clockwise from north."""
-        return float(np.rad2deg(angles_of_rotation(self.R_nb)[2]))
-
-    @property
-    def geodetic(self) -> tuple[float, float, float]:
-        """Latitude, longitude [rad], ellipsoidal height [m]."""
-        lat, lon, height = self.origin.geodetic(self.p_n)
-        return float(lat), float(lon), float(height)
-
-    @property
-    def sd_enu(self) -> Array:
-        """(3,) m"""
-        return np.sqrt(np.diag(self.covariance)[6:9])
 
 
 class Smoother:
@@ -65,8 +31,8 @@ class Smoother:
     order of time; the IMU last, because it drives the clock: what other sensors saw until a time
     must be there before the IMU's samples of half a second later. Every second, and at fixes and
     standstills, a node enters the graph; an estimate rests on what was recorded until half a second
-    after it (`LOOK_AHEAD_S`). It begins when the heading can be known: at once when the vehicle file
-    states it (after levelling), else when the gyros or the satellite course have found it.
+    after it (`LOOK_AHEAD_S`). It begins when the heading can be known: after levelling when the
+    vehicle file states it, else when the gyros or the satellite course have found it.
 
         from graphnav import Smoother
 
@@ -94,23 +60,29 @@ class Smoother:
         *,
         lag: float | None = None,
         table: dict[str, Correction] | None = None,
+        fixes: bool = True,
+        clock: float | None = None,
     ) -> None:
-        """`vehicle` a vehicle file or its content; `table` in place of its correction table."""
+        """`vehicle` a vehicle file or its content; `table` in place of its correction table;
+        `fixes` whether there will be any: False spares their calibrations; `clock` the sensors'
+        clock at the stream's time 0, the first sample's when not given.
+        """
         if not isinstance(vehicle, Vehicle):
             from graphnav.vehicle_file import load_vehicle
 
             vehicle = load_vehicle(Path(vehicle), Path(vehicle))
         self.vehicle = vehicle
         self._lag = lag
+        self._expects = fixes and vehicle.gnss.use
         self._table = table or correction_table(params(vehicle))
-        self._clock: float | None = None  # at time 0
+        self._clock = clock  # at time 0
         self._inertial, self._rest = Inertial(), Rest()
         self._odometer: Distance | None = None
-        self._fixes, self._headings = Tape(7), Tape(2)
-        self._used = [0, 0]  # fixes and headings already at a node or past
-        self._looked = 0.0  # s, until when alignment was tried
-        self._why: InputError | None = None  # alignment was not possible
+        self._aiding = Aiding(self._expects)
         self.graph: Growing | None = None
+        self._beginning = Beginning(
+            vehicle, self._table, self._inertial, self._rest, self._aiding, self._expects
+        )
         self._states = CausalStates(vehicle)
         self._pause = self._states.every
         self.history: list[Known] = []
@@ -153,16 +125,21 @@ class Smoother:
         height: ArrayLike,
         sd_enu: ArrayLike | None = None,
     ) -> None:
-        """Fixes: degrees, ellipsoidal height m, one sigma (n, 3) m, else that of the vehicle file."""
+        """Fixes: degrees, ellipsoidal height m, one sigma (n, 3) m or the vehicle file's."""
         t = self._since_start(time)
         sd = self.vehicle.gnss.sd if sd_enu is None else np.asarray(sd_enu, np.float64)
-        place = np.column_stack([t, *(np.atleast_1d(x) for x in (lat_deg, lon_deg, height))])
-        self._fixes.append(np.column_stack([place, np.broadcast_to(sd, (len(t), 3))]))
+        place = np.column_stack([np.atleast_1d(x) for x in (lat_deg, lon_deg, height)])
+        self._aiding.add_fixes(t, place, np.broadcast_to(sd, (len(t), 3)))
 
     def add_heading(self, time: ArrayLike, heading_deg: ArrayLike) -> None:
         """External heading (n,), degrees clockwise from north."""
         t = self._since_start(time)
-        self._headings.append(np.column_stack([t, np.deg2rad(np.atleast_1d(heading_deg))]))
+        self._aiding.add_headings(t, np.deg2rad(np.atleast_1d(heading_deg)))
+
+    @property
+    def increments(self) -> Increments:
+        """All increments so far."""
+        return self._inertial.between(0, len(self._inertial))
 
     def estimate(self) -> Known | None:
         """The newest node, or None before the alignment."""
@@ -176,7 +153,7 @@ class Smoother:
         if len(self._inertial):
             self._advance(len(self._inertial), perf_counter())
         if self.graph is None:
-            raise self._why or InputError("no inertial samples, or too few to align")
+            raise self._beginning.why or InputError("no inertial samples, or too few to align")
         edge = self._inertial.edge.rows
         if edge[-1] - self.graph.time.rows[-1] > CLOSEST_S:
             self._nodes([len(edge) - 1], perf_counter())
@@ -220,78 +197,20 @@ class Smoother:
         places: list[int] = []
         last, count = int(graph.edge.rows[-1]), graph.last
         while not places or (count % self._pause and not still[last - 1]):
-            place = next_node(last, edge, still, self._aid_times(), float(edge[0]))
+            place = next_node(last, edge, still, self._aiding.times(), float(edge[0]))
             if place is None or (places and still[place - 1]):
                 break
             places.append(place)
             last, count = place, count + 1
         return places
 
-    def _aid_times(self) -> Array:
-        """Times of the fixes and headings ahead of the newest node."""
-        fixes, headings = self._fixes.rows[self._used[0] :, 0], self._headings.rows[self._used[1] :, 0]
-        return np.sort(np.concatenate([fixes, headings])) if len(headings) else fixes
-
     def _begin(self, ready: int) -> None:
-        """Try to align, second by second of the recording."""
-        edge = self._inertial.edge.rows
-        while self.graph is None and ready and edge[ready] - edge[0] >= self._looked + 1.0:
-            self._looked += 1.0
-            until = int(np.searchsorted(edge, edge[0] + self._looked - 1e-9))
-            run = self._so_far(float(edge[until]))
-            inc = self._inertial.between(0, until)
-            still = self._rest.still.rows[:until]
-            rests = self._rest.spans(edge, until)
-            rested = standing_start(rests, inc)
-            waiting = still[-1] > 0 and rested == edge[until] and self._looked < LONGEST_REST_S
-            few = run.gnss is not None and len(run.gnss.time) < FEW_FIXES
-            if waiting or (few and self._looked < 30.0):
-                continue
-            if rested == 0 and self._looked < LEVELLING_S:
-                continue
-            try:
-                alignment = align(run, self.vehicle, inc, rested)
-            except InputError as error:
-                self._why = error
-                continue
-            self._start(run, alignment)
-
-    def _so_far(self, until: float) -> Run:
-        """A run of what came until a time, as alignment wants it."""
-        fixes, headings = self._fixes.rows, self._headings.rows
-        gnss = _gnss(fixes[fixes[:, 0] <= until])
-        heading = headings[headings[:, 0] <= until]
-        return Run(
-            path=Path("stream"),
-            clock_start=self._clock or 0.0,
-            end=until,
-            imu=None,
-            odometer=self._odometer and self._odometer.around(0.0, until),
-            sides=None,
-            gnss=gnss if self.vehicle.gnss.use else None,
-            heading=ExternalHeading(heading[:, 0], heading[:, 1]) if len(heading) else None,
-            rover=None,
-        )
-
-    def _start(self, run: Run, alignment: Alignment) -> None:
-        inc, none = self._inertial.between(0, 1), np.zeros((0, 3))
-        prep = Prepared(
-            recorded=run,
-            run=run,
-            vehicle=self.vehicle,
-            inc=inc,
-            noise=inertial_noise(self.vehicle),
-            still=np.zeros(1, bool),
-            rests=np.zeros((0, 2)),
-            alignment=alignment,
-            table=self._table,
-            layout=calibrations.layout(self.vehicle, self._table, run.gnss, two_sided=False),
-            gnss=None,
-            fixes_n=none,
-            rocking=np.zeros(3),
-        )
-        self.graph = Growing(prep, self._inertial, self._odometer, self._rest.still, self._lag)
-        self._aligned = run.end
+        """Start the graph when the alignment is done."""
+        prep = self._beginning.attempt(ready, self._odometer)
+        if prep is not None:
+            self._aligned = prep.run.end
+            still = self._rest.still
+            self.graph = Growing(prep, self._inertial, self._odometer, still, self._lag)
 
     def _nodes(self, edges: list[int], due: float) -> None:
         """More nodes, and what is known with each."""
@@ -299,7 +218,7 @@ class Smoother:
         assert graph is not None
         times = self._inertial.edge.rows[edges]
         self._rocked(edges[0])
-        aids = [self._aid(t, graph.prep.alignment.origin) for t in times.tolist()]
+        aids = [self._aiding.near(t, graph.origin) for t in times.tolist()]
         found, marks = [], [due]
         for node in graph.grow(edges, self._states.now, aids):
             found.append(self._known(node))
@@ -314,29 +233,20 @@ class Smoother:
         if self._lag is not None:
             self._leave(float(times[-1]))
 
-    def _known(self, node: int) -> Known:
+    def _known(self, node: int, past: bool = False) -> Known:
         graph = self.graph
         assert graph is not None
         time = float(graph.time.rows[node]) + (self._clock or 0.0)
-        return Known(time, *graph.newest(node), graph.prep.alignment.origin, 0.0)
+        state = graph.past(node) if past else graph.newest(node)
+        return Known(time, *state, graph.origin, 0.0)
 
     def _leave(self, now: float) -> None:
         """Record the nodes that are `lag` old by now, as they are known now."""
         assert self.graph is not None and self._lag is not None
         times = self.graph.time.rows
         while self._left < len(times) and times[self._left] <= now - self._lag:
-            self.history.append(self._known(self._left))
+            self.history.append(self._known(self._left, past=True))
             self._left += 1
-
-    def _aid(self, t: float, origin: Origin) -> Aid:
-        """The fix and the heading nearest to a node, of those not used yet."""
-        fix, heading = _nearest(self._fixes, self._used, 0, t), _nearest(self._headings, self._used, 1, t)
-        gnss = _gnss(fix) if self.vehicle.gnss.use else None
-        return Aid(
-            gnss=gnss,
-            fix_n=gnss and origin.local(np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height),
-            heading=ExternalHeading(heading[:, 0], heading[:, 1]) if len(heading) else None,
-        )
 
     def _rocked(self, edge: int) -> None:
         """How far the vehicle rocks at standstill, of the rests until this edge."""
@@ -361,23 +271,3 @@ def _shares(spans: Array, sweep: float) -> list[float]:
     own += (spans[0] - own[0]) / len(own)
     own[-1] += sweep
     return list(own.tolist())
-
-
-def _gnss(rows: Array) -> Gnss | None:
-    """Fixes from rows of time, latitude, longitude, height and standard deviations."""
-    if not len(rows):
-        return None
-    return Gnss(rows[:, 0], rows[:, 1], rows[:, 2], rows[:, 3], rows[:, 4:7])
-
-
-def _nearest(tape: Tape, used: list[int], sensor: int, t: float) -> Array:
-    """The sample nearest to t among those not used, (1, d) or (0, d); all until t count as used."""
-    first = used[sensor]
-    time = tape.rows[first:, 0]
-    near = np.flatnonzero(np.abs(time - t) < FIX_REACH_S)
-    used[sensor] = first + int(np.searchsorted(time, t, side="right"))
-    if not len(near):
-        return tape.rows[:0]
-    best = int(near[np.abs(time[near] - t).argmin()])
-    used[sensor] = max(used[sensor], first + best + 1)
-    return tape.rows[first + best : first + best + 1]

@@ -1,0 +1,99 @@
+"""When a stream has seen enough to align, and with what."""
+
+from pathlib import Path
+
+import numpy as np
+
+from graphnav import calibrations
+from graphnav.aiding import Aiding, usual_fix
+from graphnav.alignment import LEVELLING_S, Alignment, align
+from graphnav.corrections import Correction
+from graphnav.errors import InputError
+from graphnav.intake import Distance, Inertial, Rest
+from graphnav.preparation import Prepared, inertial_noise, standing_start
+from graphnav.run import Run
+from graphnav.vehicle import Vehicle
+
+LONGEST_REST_S = 120.0  # of a standing start that is waited for before aligning
+FEW_FIXES, FIXES_WITHIN_S = 10, 30.0  # fixes that make the origin, waited for so long
+
+
+class Beginning:
+    """Tries the batch's alignment second by second of the recording until it succeeds."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        table: dict[str, Correction],
+        inertial: Inertial,
+        rest: Rest,
+        aiding: Aiding,
+        expects_fixes: bool,
+    ) -> None:
+        self._vehicle, self._table = vehicle, table
+        self._inertial, self._rest, self._aiding = inertial, rest, aiding
+        self._expects_fixes = expects_fixes
+        self._looked = 0.0  # s, until when it was tried
+        self.why: InputError | None = None  # it was not possible
+
+    def attempt(self, ready: int, odometer: Distance | None) -> Prepared | None:
+        """The alignment with all that goes with it, once possible with the judged increments."""
+        edge = self._inertial.edge.rows
+        while ready and edge[ready] - edge[0] >= self._looked + 1.0:
+            self._looked += 1.0
+            until = int(np.searchsorted(edge, edge[0] + self._looked - 1e-9))
+            run = self._so_far(float(edge[until]), odometer)
+            inc = self._inertial.between(0, until)
+            rested = standing_start(self._rest.spans(edge, until), inc)
+            if self._waits(run, rested, until):
+                continue
+            try:
+                return self._prepared(run, align(run, self._vehicle, inc, rested))
+            except InputError as error:
+                self.why = error
+        return None
+
+    def _waits(self, run: Run, rested: float, until: int) -> bool:
+        """Whether more is worth waiting for: the end of a rest, levelling, more fixes."""
+        if self._rest.still.rows[until - 1] and rested == self._inertial.edge.rows[until]:
+            return self._looked < LONGEST_REST_S
+        few = run.gnss is not None and len(run.gnss.time) < FEW_FIXES
+        if few and self._looked < FIXES_WITHIN_S:
+            return True
+        return rested == 0 and self._looked < LEVELLING_S
+
+    def _so_far(self, until: float, odometer: Distance | None) -> Run:
+        """What came until a time, as a run."""
+        gnss, heading = self._aiding.until(until)
+        return Run(
+            path=Path("stream"),
+            clock_start=0.0,
+            end=until,
+            imu=None,
+            odometer=None if odometer is None else odometer.around(0.0, until),
+            sides=None,
+            gnss=gnss,
+            heading=heading,
+            rover=None,
+        )
+
+    def _prepared(self, run: Run, alignment: Alignment) -> Prepared:
+        """What the factors need beside the sensors, which come interval by interval."""
+        gnss, vehicle = run.gnss, self._vehicle
+        if gnss is None and self._expects_fixes:
+            gnss = usual_fix(vehicle.gnss.sd)
+        return Prepared(
+            recorded=run,
+            run=run,
+            vehicle=vehicle,
+            inc=self._inertial.between(0, 1),
+            noise=inertial_noise(vehicle),
+            still=np.zeros(1, bool),
+            rests=np.zeros((0, 2)),
+            alignment=alignment,
+            table=self._table,
+            layout=calibrations.layout(vehicle, self._table, gnss, two_sided=False),
+            gnss=None,
+            fixes_n=np.zeros((0, 3)),
+            rocking=np.zeros(3),
+        )

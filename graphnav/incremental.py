@@ -1,0 +1,161 @@
+"""`--mode incremental`: the run replayed through the streaming smoother, finished by the batch.
+
+The stream says what the vehicle knew at every node; its last estimate starts the batch's rounds, so
+that the answer is the batch's whatever the way to it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from graphnav.densify import densify
+from graphnav.elimination import Chain
+from graphnav.estimate import Estimate
+from graphnav.growing import Growing
+from graphnav.known import Known
+from graphnav.nodes import Nodes
+from graphnav.preparation import Prepared
+from graphnav.run import Array, Run
+from graphnav.smoother import FIRST, Smoothed
+from graphnav.smoother import smooth as smooth_batch
+from graphnav.solve import FINE, gauss_newton
+from graphnav.streaming import Smoother
+
+PIECE_S = 10.0  # of the recording given to the stream at a time
+THOUSAND = 1000
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A run as it was known while it was driven, and as it is known now."""
+
+    smoothed: Smoothed
+    known: list[Known]  # by node, in order of time
+    solver: dict[str, Any]  # for summary.json
+
+
+def smooth(
+    prep: Prepared, lag: float | None = None, told: Callable[[str], None] = lambda _: None
+) -> Replayed:
+    """Replay a run, then smooth it; `lag` s as in `Smoother`.
+
+    Raises InputError when the stream never learns where it starts, though the batch might.
+    """
+    told("incremental")
+    stream = replayed(prep, lag)
+    graph = stream.graph
+    assert graph is not None
+    told("incremental against batch")
+    estimate = graph.everything()
+    apart = distance_from_batch(graph, estimate)
+    path = densify(
+        stream.increments,
+        graph.whole(estimate).pre,
+        graph.nodes(0, graph.last),
+        estimate,
+        graph.origin,
+    )
+    offset = graph.origin.x_e - prep.alignment.origin.x_e
+    turn = prep.alignment.origin.R_en.T @ graph.origin.R_en
+
+    def first(nodes: Nodes) -> Estimate:
+        R, v, p = path.at(nodes.time)
+        columns = estimate.calibration.T
+        times = graph.segment_time.rows
+        known = np.stack([np.interp(nodes.segment_time, times, c) for c in columns], -1)
+        phase = np.interp(nodes.time, graph.time.rows, estimate.phase)
+        return Estimate(
+            turn @ R, v @ turn.T, p @ turn.T + offset @ prep.alignment.origin.R_en, phase, known
+        )
+
+    usable = estimate.calibration.shape[1] == prep.layout.dim
+    smoothed = smooth_batch(prep, told, first=first if usable else None)
+    solver = latencies(stream.history) | {
+        "isam_minus_batch_max_m": apart,
+        "lag_s": lag,
+        "nodes_incremental": graph.last + 1,
+    }
+    return Replayed(smoothed, stream.history, solver)
+
+
+def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoother:
+    """The stream after all samples of a run in pieces of some seconds, IMU last."""
+    run = prep.run
+    assert run.imu is not None
+    imu = prep.vehicle.imu.model_copy(update={"axes": "RFU"})  # axes are turned already
+    vehicle = prep.vehicle.model_copy(update={"imu": imu})
+    stream = Smoother(vehicle, lag=lag, table=prep.table, fixes=prep.gnss is not None, clock=0.0)
+    for start in np.arange(-piece, run.end, piece):
+        _give(stream, run, float(start), float(start + piece))
+    stream.finish()
+    return stream
+
+
+def _give(stream: Smoother, run: Run, start: float, end: float) -> None:
+    """What every sensor saw in (start, end]."""
+
+    def inside(time: Array) -> slice:
+        return slice(*np.searchsorted(time, [start, end], side="right").tolist())
+
+    odometer, gnss, heading, imu = run.odometer, run.gnss, run.heading, run.imu
+    if odometer is not None:
+        on = inside(odometer.time)
+        if odometer.pulse:
+            counts = odometer.distance[on] / odometer.pulse
+            stream.add_odometer(odometer.time[on], pulses=counts)
+        else:
+            stream.add_odometer(odometer.time[on], speed=odometer.speed[on])
+    if gnss is not None:
+        on = inside(gnss.time)
+        stream.add_gnss(
+            gnss.time[on], gnss.lat_deg[on], gnss.lon_deg[on], gnss.height[on], gnss.sd_enu[on]
+        )
+    if heading is not None:
+        on = inside(heading.time)
+        stream.add_heading(heading.time[on], np.rad2deg(heading.heading[on]))
+    assert imu is not None
+    on = inside(imu.time)
+    stream.add_imu(imu.time[on], imu.gyro[on], imu.accel[on])
+
+
+def distance_from_batch(graph: Growing, estimate: Estimate) -> float:
+    """How far iSAM2's estimate is from the batch solution of the same factors, m, at most."""
+    problem = graph.whole(estimate)
+    chain: Chain = problem.chain
+    solution = gauss_newton(problem.linearise, estimate, chain, FIRST, FINE)
+    return float(np.linalg.norm(solution.estimate.p_n - estimate.p_n, axis=1).max())
+
+
+def latencies(known: list[Known]) -> dict[str, Any]:
+    """Milliseconds an update took."""
+    ms = 1e3 * np.array([k.latency for k in known])
+    if not len(ms):
+        return {}
+    few = max(1, min(THOUSAND, len(ms) // 2))
+    return {
+        "updates": len(ms),
+        "median_ms": round(float(np.median(ms)), 3),
+        "p99_ms": round(float(np.percentile(ms, 99)), 3),
+        "first_thousand_ms": round(float(np.median(ms[:few])), 3),
+        "last_thousand_ms": round(float(np.median(ms[-few:])), 3),
+    }
+
+
+def causal(replayed: Replayed, prep: Prepared) -> dict[str, Array]:
+    """Columns of trajectory_causal.parquet: what was known at each node, in the result's frame."""
+    known, origin = replayed.known, prep.alignment.origin
+    x_e = np.array([k.origin.x_e + k.origin.R_en @ k.p_n for k in known]).reshape(-1, 3)
+    p_n = (x_e - origin.x_e) @ origin.R_en
+    sd = np.array([k.sd_enu for k in known]).reshape(-1, 3)
+    return {
+        "time": np.array([k.time for k in known]) + prep.run.clock_start,
+        "e": p_n[:, 0],
+        "n": p_n[:, 1],
+        "u": p_n[:, 2],
+        "heading_deg": np.array([k.heading_deg for k in known]),
+        "sd_e": sd[:, 0],
+        "sd_n": sd[:, 1],
+        "latency_ms": 1e3 * np.array([k.latency for k in known]),
+    }
