@@ -1,15 +1,22 @@
 """A hidden Markov model whose states last at least a given number of steps.
 
-Every state is a row of `dwell` cells passed one per step; only the last cell may be left, so that
-a state cannot flicker. Log probabilities throughout; steps loop, states are vectorised.
+A state entered is kept for `dwell` steps, so that it cannot flicker. Log probabilities throughout.
+The steps must loop, but a chain forgets within a minute: long ones are cut into overlapping chunks
+that run side by side in one array, and each chunk's middle is kept.
 """
 
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from graphnav.run import Array
+
+Steps = NDArray[np.intp]
+Kind = TypeVar("Kind", bound=np.generic)
+
+CHUNK, OVERLAP = 2000, 200  # steps
 
 
 @dataclass(frozen=True)
@@ -23,54 +30,84 @@ class Chain:
     dwell: int  # steps a state lasts at least; the first and the last state are exempt
 
 
-def most_probable(chain: Chain) -> NDArray[np.intp]:
+@dataclass(frozen=True)
+class _Chunks:
+    """Equally long pieces of a chain that overlap by at least `OVERLAP` steps."""
+
+    steps: int
+    first: Steps  # (K,) where each begins
+    length: int
+
+    def cut(self, x: Array) -> Array:
+        """(T, ...) to (length, K, ...)."""
+        return np.asarray(x[self.first[None, :] + np.arange(self.length)[:, None]])
+
+    def join(self, y: NDArray[Kind]) -> NDArray[Kind]:
+        """(length, K, ...) to (T, ...): every step from the chunk whose middle is nearest."""
+        middle = self.first + self.length / 2
+        borders = np.ceil((middle[1:] + middle[:-1]) / 2).astype(np.intp)
+        owner = np.searchsorted(borders, np.arange(self.steps), side="right")
+        return np.asarray(y[np.arange(self.steps) - self.first[owner], owner])
+
+
+def _chunks(steps: int) -> _Chunks:
+    count = max(1, -(-(steps - OVERLAP) // CHUNK))
+    length = min(steps, CHUNK + OVERLAP)
+    first = np.round(np.linspace(0, steps - length, count)).astype(np.intp)
+    return _Chunks(steps, first, length)
+
+
+def _begins(chain: Chain, chunks: _Chunks) -> Array:
+    """Log probabilities at the first step of each chunk, (K, S); inside the run any state."""
+    begins = np.zeros((len(chunks.first), len(chain.stay)))
+    begins[0] = chain.initial
+    return begins
+
+
+def most_probable(chain: Chain) -> Steps:
     """Most probable state of every step as one sequence, (T,). Viterbi 1967.
 
     Only states that have dwelt long enough are carried from step to step; an entry joins them
     `dwell` steps later with the likelihood of those steps as one sum.
     """
-    steps, states = chain.likelihood.shape
+    chunks = _chunks(len(chain.likelihood))
+    likelihood, change = chunks.cut(chain.likelihood), chunks.cut(chain.change)
+    steps, count, states = likelihood.shape
     wait = chain.dwell - 1
-    total = np.concatenate([np.zeros((1, states)), np.cumsum(chain.likelihood, 0)])
+    total = np.concatenate([np.zeros((1, count, states)), np.cumsum(likelihood, 0)])
     waited = total[wait + 1 :] - total[: steps - wait]  # of the steps t - wait .. t
-    staying = chain.likelihood + chain.stay
-    entry = np.full((steps, states), -np.inf)
-    came_from = np.zeros((steps, states), dtype=np.intp)  # best state to have left
-    entered = np.zeros((steps, states), dtype=np.intp)  # step at which the dwelt state was entered
-    score = chain.initial + chain.likelihood[0]
-    every = np.arange(states)
+    staying = likelihood + chain.stay
+    entry = np.full((steps, count, states), -np.inf)
+    came_from = np.zeros((steps, count, states), dtype=np.intp)  # best state to have left
+    entered = np.zeros((steps, count, states), dtype=np.intp)  # when the dwelt state was entered
+    score = _begins(chain, chunks) + likelihood[0]
     for t in range(1, steps):
-        options = score[:, None] + chain.change[t]
-        best = options.argmax(axis=0)
-        came_from[t], entry[t] = best, options[best, every]
+        options = score[:, :, None] + change[t]
+        came_from[t] = options.argmax(axis=1)
+        entry[t] = options.max(axis=1)
         score = score + staying[t]
+        entered[t] = entered[t - 1]
         since = t - wait
-        if since < 1:
-            entered[t] = entered[t - 1]
-            continue
-        joined = entry[since] + waited[since]
-        better = joined > score
-        score = np.where(better, joined, score)
-        entered[t] = np.where(better, since, entered[t - 1])
-    return _trace_back(score, entry, total, entered, came_from, wait)
+        if since >= 1:
+            joined = entry[since] + waited[since]
+            better = joined > score
+            score = np.where(better, joined, score)
+            entered[t][better] = since
+    late = entry[steps - wait :] + total[-1] - total[steps - wait : steps]
+    paths = [
+        _trace_back(score[k], late[:, k], entered[:, k], came_from[:, k]) for k in range(count)
+    ]
+    return chunks.join(np.stack(paths, 1))
 
 
-def _trace_back(
-    score: Array,
-    entry: Array,
-    total: Array,
-    entered: NDArray[np.intp],
-    came_from: NDArray[np.intp],
-    wait: int,
-) -> NDArray[np.intp]:
+def _trace_back(score: Array, late: Array, entered: Steps, came_from: Steps) -> Steps:
     """Walk back one segment at a time from the best end: dwelt, or entered in the last steps."""
     steps = len(entered)
     path = np.empty(steps, dtype=np.intp)
     state, begin = int(score.argmax()), int(entered[-1, score.argmax()])
-    late = entry[steps - wait :] + total[-1] - total[steps - wait : steps]
-    if wait and late.max() > score.max():
+    if late.size and late.max() > score.max():
         row, state = (int(k) for k in np.unravel_index(int(late.argmax()), late.shape))
-        begin = steps - wait + row
+        begin = steps - len(late) + row
     end = steps
     while True:
         path[begin:end] = state
@@ -81,25 +118,31 @@ def _trace_back(
 
 
 def posterior(chain: Chain) -> Array:
-    """Probability of each state at each step given all data, (T, S). Forward-backward."""
-    steps, states = chain.likelihood.shape
+    """Probability of each state at each step given all data, (T, S). Forward-backward.
+
+    Every state is a row of `dwell` cells passed one per step; only the last may be left.
+    """
+    chunks = _chunks(len(chain.likelihood))
+    likelihood = chunks.cut(chain.likelihood)
+    steps, count, states = likelihood.shape
     last = chain.dwell - 1
-    evidence = np.exp(chain.likelihood - chain.likelihood.max(axis=1, keepdims=True))[:, :, None]
-    change, stay = np.exp(chain.change), np.exp(chain.stay)
-    past = np.zeros((steps, states, chain.dwell))
-    past[0, :, last] = np.exp(chain.initial) * evidence[0, :, 0]
+    evidence = np.exp(likelihood - likelihood.max(axis=2, keepdims=True))[:, :, :, None]
+    change, stay = np.exp(chunks.cut(chain.change)), np.exp(chain.stay)
+    past = np.zeros((steps, count, states, chain.dwell))
+    past[0, :, :, last] = np.exp(_begins(chain, chunks)) * evidence[0, :, :, 0]
     for t in range(1, steps):
-        here, held = past[t], past[t - 1, :, last]
-        here[:, 1:] = past[t - 1, :, :last]
-        here[:, 0] = held @ change[t]
-        here[:, last] += held * stay
-        here *= evidence[t] / np.add.reduce(here, axis=None)
-    future = np.ones((steps, states, chain.dwell))
+        here, held = past[t], past[t - 1, :, :, last]
+        here[:, :, 1:] = past[t - 1, :, :, :last]
+        here[:, :, 0] = (held[:, None, :] @ change[t])[:, 0]
+        here[:, :, last] += held * stay
+        here *= evidence[t]
+        here /= here.sum(axis=(1, 2), keepdims=True)
+    future = np.ones((steps, count, states, chain.dwell))
     for t in range(steps - 1, 0, -1):
         here, seen = future[t - 1], future[t] * evidence[t]
-        here[:, :last] = seen[:, 1:]
-        here[:, last] = change[t] @ seen[:, 0] + stay * seen[:, last]
-        here /= np.add.reduce(here, axis=None)
-    joint: Array = np.einsum("tsd,tsd->ts", past, future)
-    joint /= joint.sum(axis=1, keepdims=True)
-    return joint
+        here[:, :, :last] = seen[:, :, 1:]
+        here[:, :, last] = (change[t] @ seen[:, :, :1])[:, :, 0] + stay * seen[:, :, last]
+        here /= here.sum(axis=(1, 2), keepdims=True)
+    joint = np.einsum("tksd,tksd->tks", past, future)
+    joint /= joint.sum(axis=2, keepdims=True)
+    return chunks.join(joint)
