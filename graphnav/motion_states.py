@@ -22,6 +22,7 @@ from graphnav.state_likelihood import (
     Moments,
     StateModel,
     change_likelihood,
+    increment_likelihood,
     state_models,
     step_likelihood,
 )
@@ -224,9 +225,10 @@ def _chain(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Ch
     weight *= (leave / weight.sum(axis=1))[:, None]
     with np.errstate(divide="ignore"):
         change = np.log(weight)
+    increments = increment_likelihood(moments, models, gauge)
     return Chain(
-        likelihood=step_likelihood(moments, models, gauge),
-        change=change + change_likelihood(moments, models, gauge),
+        likelihood=step_likelihood(moments, models, increments, gauge),
+        change=change + change_likelihood(increments, models),
         stay=np.log1p(-leave),
         initial=np.full(len(names), -np.log(len(names))),
         dwell=max(1, round(DWELL / moments.step)),

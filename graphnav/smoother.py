@@ -16,7 +16,7 @@ from graphnav.estimate import Estimate
 from graphnav.kinematics import kinematics
 from graphnav.motion import sums_of
 from graphnav.motion_states import recognise, with_probabilities
-from graphnav.nodes import Nodes, place_nodes
+from graphnav.nodes import INTERVAL_S, Nodes, place_nodes
 from graphnav.noise import rescaled
 from graphnav.odometry import speed_at
 from graphnav.preparation import Prepared
@@ -26,6 +26,7 @@ from graphnav.solve import FINE, ROUGH, Solution, gauss_newton
 from graphnav.timeline import Timeline, disagreement, timeline_from_states
 
 MIN_ROUNDS, MAX_ROUNDS = 3, 5
+FIRST_INTERVAL_S = 2.0  # the first round only has to be near enough for the states
 SAME_TIMELINE = 0.002  # share of time that may still change its state
 FIX_SPACING_S = 0.45
 
@@ -89,7 +90,8 @@ def smooth(
     scales: dict[str, float] = {}
     stands = False
     for round_ in range(1, MAX_ROUNDS + 1):
-        nodes_next = _nodes(prep, timeline.boundaries)
+        interval = FIRST_INTERVAL_S if round_ == 1 else INTERVAL_S
+        nodes_next = _nodes(prep, timeline.boundaries, interval)
         estimate = _moved(estimate, nodes, path, nodes_next)
         nodes = nodes_next
         if first is not None and round_ == 1:
@@ -144,8 +146,8 @@ def first_estimate(prep: Prepared, nodes: Nodes) -> Estimate:
     return Estimate(R, v, p + start.p_n, np.zeros(len(R)), calibration)
 
 
-def _nodes(prep: Prepared, boundaries: Array) -> Nodes:
-    """Nodes at 1 Hz, standstill edges, state boundaries and fixes."""
+def _nodes(prep: Prepared, boundaries: Array, interval: float = INTERVAL_S) -> Nodes:
+    """Nodes at the interval, standstill edges, state boundaries and fixes."""
     edges = prep.inc.edge
     events = np.concatenate([prep.rests.ravel(), boundaries])
     extra = np.zeros(0)
@@ -153,7 +155,7 @@ def _nodes(prep: Prepared, boundaries: Array) -> Nodes:
         if sensor is not None:
             slot = np.floor(sensor.time / FIX_SPACING_S)
             extra = np.concatenate([extra, sensor.time[np.unique(slot, return_index=True)[1]]])
-    return place_nodes(edges, events, extra, prep.rests)
+    return place_nodes(edges, events, extra, prep.rests, interval)
 
 
 def _densified(prep: Prepared, nodes: Nodes, estimate: Estimate) -> Path:

@@ -92,10 +92,12 @@ def state_models(vehicle: VehicleParams, table: dict[str, Correction]) -> tuple[
     )
 
 
-def step_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Array:
+def step_likelihood(
+    moments: Moments, models: tuple[StateModel, ...], increments: Array, gauge: float
+) -> Array:
     """Log likelihood of each step's data in each state, (T, S), tempered for correlation.
 
-    `gauge` B in m. Sources: A1-A6, A8-A16.
+    `increments` (T, S, S) as of `increment_likelihood`, `gauge` B in m. Sources: A1-A6, A8-A16.
     """
     once = np.minimum(1.0, moments.step / CORRELATION)
     rarer = np.minimum(once, moments.step / moments.correlation)
@@ -105,7 +107,7 @@ def step_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: flo
         * (_odometer(moments, model) + _radius(moments, model, gauge) + _rest(moments, model))
         for model in models
     ]
-    same_state: Array = np.einsum("tii->ti", increment_likelihood(moments, models, gauge))
+    same_state: Array = np.einsum("tii->ti", increments)
     same_state = same_state * min(1.0, moments.step / (2 * HALF_WINDOW))  # windows overlap
     total: Array = np.column_stack(per_state) + same_state
     return total
@@ -223,14 +225,13 @@ def increment_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge
     return np.where(np.isnan(value), 0.0, value)
 
 
-def change_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Array:
-    """What the increments say for a change i -> j, (T, S, S).
+def change_likelihood(increments: Array, models: tuple[StateModel, ...]) -> Array:
+    """What `increment_likelihood` says for a change i -> j, (T, S, S).
 
     Measured against the best explanation without a change of gear, so that only a gear change is
     ever credited, and only where neither staying nor turning accounts for the data.
     """
-    value = increment_likelihood(moments, models, gauge)
     low = np.array([model.correction.low_gear for model in models])
     same_gear = low[:, None] == low[None, :]
-    best = np.where(same_gear, value, -np.inf).max(axis=2, keepdims=True)
-    return np.where(same_gear, 0.0, value - best)
+    best = np.where(same_gear, increments, -np.inf).max(axis=2, keepdims=True)
+    return np.where(same_gear, 0.0, increments - best)
