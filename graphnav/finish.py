@@ -28,7 +28,7 @@ def finish(smoothed: Smoothed) -> Solved:
         R_bm=R_bm,
         node_time=problem.nodes.time,
         node_covariance=smoothed.covariances.nodes[:, :9, :9],
-        timeline=smoothed.timeline,
+        timeline=smoothed.timeline.covering(float(prep.inc.edge[0]), float(prep.inc.edge[-1])),
         calibrated=found,
         blocks=smoothed.solution.blocks,
         weights=smoothed.solution.weights,
@@ -44,7 +44,7 @@ def finish(smoothed: Smoothed) -> Solved:
             "heading_source": prep.alignment.source,
             "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
         },
-        verdicts=verdicts(found),
+        verdicts=verdicts(found, smoothed),
     )
 
 

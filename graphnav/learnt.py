@@ -1,6 +1,7 @@
 """Calibrations as they are told: in the field's units, with what the run could not determine."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from graphnav.calibrations import DEG_H, MG
 from graphnav.nodes import Nodes
@@ -10,6 +11,8 @@ from graphnav.solved import Calibrated
 
 XYZ = ("x", "y", "z")
 DEG = np.deg2rad(1.0)
+CONTRADICTED = 2.5  # sigma of a stated heading
+DOUBTED = 0.5  # weight of a fix
 
 
 def calibrated(smoothed: Smoothed) -> list[Calibrated]:
@@ -79,9 +82,9 @@ def _times(nodes: Nodes) -> Array:
     return nodes.segment_time
 
 
-def verdicts(found: list[Calibrated]) -> list[str]:
-    """What was learnt and what was not, in sentences."""
-    said = []
+def verdicts(found: list[Calibrated], smoothed: Smoothed) -> list[str]:
+    """What was learnt, what was not and what disagreed, in sentences."""
+    said = _disagreements(smoothed)
     for c in found:
         if c.name == "odometer_scale":
             drift = 1e3 * float(np.ptp(c.value[:, 0]))
@@ -96,3 +99,28 @@ def verdicts(found: list[Calibrated]) -> list[str]:
             name = c.name.rsplit("_", 1)[0].replace("_", " ")
             said.append(f"{name} {', '.join(hidden)}: not observable in this run")
     return said
+
+
+def _disagreements(smoothed: Smoothed) -> list[str]:
+    """A stated heading the run contradicts, and spans in which fixes were doubted."""
+    said = []
+    clock = smoothed.prep.run.clock_start
+    solution, known = smoothed.solution, smoothed.prep.alignment.start
+    for block, weight in zip(solution.blocks, solution.weights, strict=True):
+        if block.kind == "start" and abs(block.residual[0, 2]) > CONTRADICTED:
+            off = abs(np.rad2deg(block.residual[0, 2] * known.sd[2]))
+            said.append(
+                f"the heading {smoothed.prep.alignment.source} disagrees with the run by "
+                f"{off:.2f} deg, {abs(block.residual[0, 2]):.1f} of its sigma"
+            )
+        if block.kind == "gnss":
+            for a, b in _spans(block.time, weight[:, :2].min(1) < DOUBTED):
+                said.append(f"GNSS disagreed {a + clock:.0f}-{b + clock:.0f} s: down-weighted")
+    return said
+
+
+def _spans(time: Array, mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Times of the first and last of three or more consecutive True."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    pairs = zip(edge[::2], edge[1::2], strict=True)
+    return [(float(time[a]), float(time[b - 1])) for a, b in pairs if b - a >= 3]
