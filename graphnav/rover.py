@@ -27,7 +27,7 @@ class Wheels:
     """The wheels' motion on the gear's clock, and its running integrals at k_s = 1."""
 
     time: Array  # (N,) s
-    wheels_b: Array  # (N, 6, 3) m, wheel centres in b
+    wheels_b: Array  # (N, 6, 3) m, wheel centres from the IMU
     motion: rb.BodyMotion
     spread: rb.Spread
     yaw: Array  # (N,) rad, integral of w_z
@@ -52,8 +52,11 @@ def linkage_of(spec: RoverSpec, path: str) -> rb.Linkage:
     return rb.Linkage(**values)
 
 
-def wheels_of(gear: RoverGear, linkage: rb.Linkage) -> Wheels:
-    """Robust C2 and C4 over the whole run, the wheels' spread fitted to the run."""
+def wheels_of(gear: RoverGear, linkage: rb.Linkage, lever_b: Array) -> Wheels:
+    """Robust C2 and C4 over the whole run, the wheels' spread fitted to the run.
+
+    `lever_b` (3,) m leads from the IMU to the linkage's body origin.
+    """
     joints = rb.Joints(
         steer=_filled(gear.steer, gear.time),
         rocker=_filled(gear.rocker[:, None], gear.time)[:, 0],
@@ -72,7 +75,8 @@ def wheels_of(gear: RoverGear, linkage: rb.Linkage) -> Wheels:
         if not joints.steer.any():  # no steering told: the wheels may slide sideways
             spread = replace(spread, side=UNSTEERED)
     motion = rb.body_motion(linkage, gear.wheel, joints, rates, spread)
-    return _integrated(gear.time, rb.wheel_positions(linkage, joints), motion, spread)
+    motion = replace(motion, centroid_b=motion.centroid_b + lever_b)
+    return _integrated(gear.time, rb.wheel_positions(linkage, joints) + lever_b, motion, spread)
 
 
 def _integrated(time: Array, wheels_b: Array, motion: rb.BodyMotion, spread: rb.Spread) -> Wheels:
@@ -125,7 +129,7 @@ def heard_share(wheels: Wheels, node_time: Array) -> Array:
 
 
 def origin_velocity(wheels: Wheels, node_time: Array) -> Array:
-    """Velocity of the body origin (N, 3) m/s at k_s = 1, smoothed over a second, b axes."""
+    """Velocity of the IMU (N, 3) m/s at k_s = 1, smoothed over a second, b axes."""
     half = 0.5
     ahead, behind = node_time + half, node_time - half
     span = np.diff([np.interp(t, wheels.time, wheels.time) for t in (behind, ahead)], axis=0)[0]

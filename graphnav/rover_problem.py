@@ -74,7 +74,8 @@ def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
     """Wheels, nodes, calibration layout and start; InputError says what is missing."""
     if run.rover is None:
         raise InputError(f"{run.path}: a rover needs wheel_1 .. wheel_6 and steer_1 .. steer_6")
-    wheels = rover.wheels_of(run.rover, rover.linkage_of(vehicle.rover, str(run.path)))
+    linkage = rover.linkage_of(vehicle.rover, str(run.path))
+    wheels = rover.wheels_of(run.rover, linkage, vehicle.odometer.lever_b)
     inc = increments(run.imu) if run.imu is not None else None
     edges = wheels.time if inc is None else inc.edge
     nodes = place_nodes(edges, np.zeros(0), np.zeros(0), np.zeros((0, 2)))

@@ -38,7 +38,7 @@ LAYOUT = Layout(
 )
 N = 5
 SEGMENT = np.array([0, 0, 1, 1])
-TIME = np.arange(N) * 1.0
+TIME = np.linspace(0.0, N - 1.0, N)
 
 
 def states(rng: np.random.Generator) -> Estimate:
