@@ -70,3 +70,17 @@ class Block:
                 gtsam.JacobianFactor(i, A_i, j, A_j, k, A_k, b_k, unit)
                 for i, A_i, j, A_j, (k, A_k), b_k in rows3
             )
+
+
+def whitened(
+    kind: str,
+    axes: tuple[str, ...],
+    time: Array,
+    residual: Array,
+    sigma: Array,
+    terms: tuple[Term, ...],
+) -> Block:
+    """A robust block from residuals and Jacobians still in the factor's unit; `sigma` (n, r)."""
+    white = 1 / sigma
+    scaled = tuple(replace(t, jacobian=t.jacobian * white[:, :, None]) for t in terms)
+    return Block(kind, axes, time, residual * white, scaled, robust=True, sigma=sigma)

@@ -10,11 +10,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from numpy.typing import NDArray
 
-from factors.block import Block, Index, Term
-
-Array = NDArray[np.float64]
+from factors.block import Array, Block, Index, Term
 
 GYRO_BIAS, ACCEL_BIAS = slice(0, 3), slice(3, 6)
 CONSTANT = 1e-6  # of its prior sd: how far a constant may wander in one second

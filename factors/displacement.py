@@ -20,12 +20,9 @@ q is a state of the node, so quantisation is bounded and anticorrelated as it is
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, PHASE, POSITION, ROTATION, Block, Index, Term
-
-Array = NDArray[np.float64]
+from factors.block import NODE_DIM, PHASE, POSITION, ROTATION, Array, Block, Index, Term, whitened
 
 AXES = ("lateral", "forward", "vertical")
 E_X, E_Y = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
@@ -167,20 +164,8 @@ def displacement(
     _scatter(J_c, correction.forward_column, -in_m((1 + c[:, columns.scale])[:, None] * travel))
     _scatter(J_c, correction.lateral_column, in_m(turned))
 
-    white = 1 / correction.sigma
-    return Block(
-        kind="displacement",
-        axes=AXES,
-        time=time,
-        residual=r * white,
-        terms=(
-            Term("x", node, J_i * white[:, :, None]),
-            Term("x", node + 1, J_j * white[:, :, None]),
-            Term("c", segment, J_c * white[:, :, None]),
-        ),
-        robust=True,
-        sigma=correction.sigma,
-    )
+    terms = (Term("x", node, J_i), Term("x", node + 1, J_j), Term("c", segment, J_c))
+    return whitened("displacement", AXES, time, r, correction.sigma, terms)
 
 
 def _calibrated(c: Array, column: Index, otherwise: Array) -> Array:

@@ -4,13 +4,10 @@ r = wrap(atan2(f_e, f_n) - heading) / sigma,   f = R_nb e_y,  clockwise from nor
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, ROTATION, Block, Index, Term
+from factors.block import NODE_DIM, ROTATION, Array, Block, Index, Term
 from factors.displacement import E_Y
-
-Array = NDArray[np.float64]
 
 
 def heading(value: Array, sigma: Array, node: Index, R: Array, time: Array) -> Block:

@@ -15,13 +15,10 @@ mechanisation in an Earth-fixed frame; the residual's form after Forster et al. 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Index, Term
+from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Index, Term
 from factors.preintegration import Preintegrated
-
-Array = NDArray[np.float64]
 
 AXES = ("theta_x", "theta_y", "theta_z", "v_x", "v_y", "v_z", "p_x", "p_y", "p_z")
 

@@ -9,12 +9,9 @@ do not average out) are calibrations: what the run cannot tell of them stays in 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Index, Term
-
-Array = NDArray[np.float64]
+from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Index, Term
 
 AXES = ("east", "north", "up")
 

@@ -9,12 +9,9 @@ heading from the Earth's rotation.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Index, Term
-
-Array = NDArray[np.float64]
+from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Index, Term
 
 AXES = ("theta_x", "theta_y", "theta_z", "v_e", "v_n", "v_u", "p_e", "p_n", "p_u")
 

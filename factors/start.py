@@ -6,12 +6,9 @@ r = W [Log(R_0^T R), v - v_0, p - p_0]
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Term
-
-Array = NDArray[np.float64]
+from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Term
 
 AXES = ("theta_e", "theta_n", "theta_u", "v_e", "v_n", "v_u", "p_e", "p_n", "p_u")
 

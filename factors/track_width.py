@@ -8,12 +8,9 @@ Integrated over an interval, with `psi` the change of heading in the body,
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, ROTATION, Block, Index, Term
-
-Array = NDArray[np.float64]
+from factors.block import NODE_DIM, ROTATION, Array, Block, Index, Term, whitened
 
 
 def track_width(
@@ -40,18 +37,6 @@ def track_width(
     J_i[:, 0, ROTATION] = width[:, None] * so3.right_jacobian_inverse(-turn)[:, 2, :]
     J_j[:, 0, ROTATION] = -width[:, None] * so3.right_jacobian_inverse(turn)[:, 2, :]
     J_c[:, 0, column] = -turn[:, 2]
-    white = 1 / sigma[:, None, None]
-    residual = (difference - width * turn[:, 2]) / sigma
-    return Block(
-        kind="track_width",
-        axes=("yaw",),
-        time=time,
-        residual=residual[:, None],
-        terms=(
-            Term("x", node, J_i * white),
-            Term("x", node + 1, J_j * white),
-            Term("c", segment, J_c * white),
-        ),
-        robust=True,
-        sigma=sigma[:, None],
-    )
+    residual = (difference - width * turn[:, 2])[:, None]
+    terms = (Term("x", node, J_i), Term("x", node + 1, J_j), Term("c", segment, J_c))
+    return whitened("track_width", ("yaw",), time, residual, sigma[:, None], terms)

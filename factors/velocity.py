@@ -7,13 +7,10 @@ with `w` the body's rate relative to the Earth. Without an odometer the forward 
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, ROTATION, VELOCITY, Block, Index, Term
+from factors.block import NODE_DIM, ROTATION, VELOCITY, Array, Block, Index, Term, whitened
 from factors.displacement import AXES, E_Y, Columns, mounting
-
-Array = NDArray[np.float64]
 
 
 def velocity(
@@ -51,16 +48,5 @@ def velocity(
     J_c[:, 1, columns.scale] = -speed
     J_c[:, :, columns.mounting : columns.mounting + 2] = so3.skew(v_m) @ mount.jacobian
     J_c[:, :, columns.lever : columns.lever + 3] = R_mb @ so3.skew(rate_b)
-    white = 1 / sigma
-    return Block(
-        kind="velocity",
-        axes=AXES,
-        time=time,
-        residual=r * white,
-        terms=(
-            Term("x", node, J_x * white[:, :, None]),
-            Term("c", segment, J_c * white[:, :, None]),
-        ),
-        robust=True,
-        sigma=sigma,
-    )
+    terms = (Term("x", node, J_x), Term("c", segment, J_c))
+    return whitened("velocity", AXES, time, r, sigma, terms)
