@@ -9,6 +9,8 @@ from graphnav.problem import FIX_REACH_S
 from graphnav.run import Array, ExternalHeading, Gnss
 from graphnav.tape import Tape
 
+FIX_SPACING_S = 0.45  # at least, between fixes that make nodes
+
 
 @dataclass(frozen=True)
 class Aid:
@@ -26,14 +28,18 @@ class Aiding:
         self._use_gnss = use_gnss
         self._fixes, self._headings = Tape(7), Tape(2)
         self._used = [0, 0]  # fixes and headings already at a node or past
+        self._stops = (Tape(), Tape())  # times of them at which nodes are wanted
 
     def add_fixes(self, time: Array, place: Array, sd: Array) -> None:
         """Times (n,) s, places (n, 3) deg, deg, m, one sigma (n, 3) m."""
         self._fixes.append(np.column_stack([time, place, sd]))
+        if self._use_gnss:
+            _thin(self._stops[0], time)
 
     def add_headings(self, time: Array, heading: Array) -> None:
         """Times (n,) s and headings (n,) rad."""
         self._headings.append(np.column_stack([time, heading]))
+        _thin(self._stops[1], time)
 
     def until(self, time: float) -> tuple[Gnss | None, ExternalHeading | None]:
         """Everything up to a time."""
@@ -41,10 +47,9 @@ class Aiding:
         gnss = _gnss(fixes[fixes[:, 0] <= time]) if self._use_gnss else None
         return gnss, _heading(headings[headings[:, 0] <= time])
 
-    def times(self) -> Array:
-        """Times of what has found no node yet, sorted."""
-        fixes = self._fixes.rows[self._used[0] :, 0] if self._use_gnss else np.zeros(0)
-        headings = self._headings.rows[self._used[1] :, 0]
+    def stops(self, after: float) -> Array:
+        """Times after another at which nodes are wanted, sorted."""
+        fixes, headings = (t.rows[int(np.searchsorted(t.rows, after)) :] for t in self._stops)
         return np.sort(np.concatenate([fixes, headings])) if len(headings) else fixes
 
     def near(self, time: float, origin: Origin) -> Aid:
@@ -82,6 +87,13 @@ def joined(aids: list[Aid]) -> tuple[Gnss | None, Array, ExternalHeading | None]
         times = np.concatenate([h.time for h in sensed])
         heading = ExternalHeading(times, np.concatenate([h.heading for h in sensed]))
     return gnss, np.concatenate(fixes_n or [np.zeros((0, 3))]), heading
+
+
+def _thin(stops: Tape, time: Array) -> None:
+    """Add the first of the times (n,) in every slot of `FIX_SPACING_S`."""
+    slot = np.floor(np.append(stops.rows[-1:], time) / FIX_SPACING_S)
+    fresh = np.diff(slot, prepend=np.nan)[len(slot) - len(time) :] != 0
+    stops.append(time[fresh])
 
 
 def usual_fix(sd: float) -> Gnss:

@@ -21,10 +21,10 @@ from factors.preintegration import Preintegrated
 from graphnav.aiding import Aid, joined
 from graphnav.earth import Origin
 from graphnav.estimate import Estimate
-from graphnav.intake import FIX_SPACING_S, Distance, Inertial
+from graphnav.intake import Distance, Inertial
 from graphnav.interval_rows import Rows, stacked
 from graphnav.isam import Tree
-from graphnav.nodes import SEGMENT_S, Nodes
+from graphnav.nodes import CLOSEST_S, SEGMENT_S, Nodes
 from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
 from graphnav.run import Array
@@ -55,7 +55,7 @@ class Growing:
         """
         self.prep, self._inertial, self._odometer = prep, inertial, odometer
         self._still, self._lag = still, lag
-        self._kept = KEPT + round((lag or 0.0) / FIX_SPACING_S)
+        self._kept = KEPT + round((lag or 0.0) / CLOSEST_S)
         self.edge, self.time = Tape(), Tape()
         self._R, self._v, self._p, self._phase = Tape(3, 3), Tape(3), Tape(3), Tape()
         self._node_tapes = (self._R, self._v, self._p, self._phase)

@@ -18,7 +18,6 @@ from graphnav.tape import Tape
 
 LOOK_AHEAD_S = 0.5
 NEIGHBOURS = 2  # samples the coning terms look to either side
-FIX_SPACING_S = 0.45
 FRAME = 20  # increments after which the usual quietness is measured anew
 REMEMBERED = 1200  # increments of standstill it is the median of
 MARGIN_S, MARGIN_SAMPLES = 1.0, 3  # of the odometer before an interval
@@ -185,7 +184,7 @@ def next_node(last: int, edge: Array, still: Array, aids: Array, start: float) -
         target = t + REST_INTERVAL_S
     else:
         target = start + np.floor((t - start + CLOSEST_S) / INTERVAL_S + 1) * INTERVAL_S
-        k = int(np.searchsorted(aids, t + FIX_SPACING_S))
+        k = int(np.searchsorted(aids, t + CLOSEST_S))
         if k < len(aids) and aids[k] < target + CLOSEST_S:
             target = float(aids[k])
     # an edge may not be the last of the judged ones: a change of standstill is seen after it

@@ -146,7 +146,7 @@ class Smoother:
         return self._newest
 
     def finish(self) -> None:
-        """No more samples will come: use those that waited for their look-ahead.
+        """No more samples will come: use those that waited, and linearise all once more.
 
         Raises InputError when the heading never became known.
         """
@@ -157,7 +157,9 @@ class Smoother:
         edge = self._inertial.edge.rows
         if edge[-1] - self.graph.time.rows[-1] > CLOSEST_S:
             self._nodes([len(edge) - 1], perf_counter())
-        if self._lag is not None:
+        if self._lag is None:
+            self.graph.relinearise(0)
+        else:
             self._leave(np.inf)
 
     def _since_start(self, time: ArrayLike) -> Array:
@@ -194,10 +196,10 @@ class Smoother:
         """
         edge, still, graph = self._inertial.edge.rows, self._rest.still.rows, self.graph
         assert graph is not None
-        places: list[int] = []
+        places, start = list[int](), float(edge[0])
         last, count = int(graph.edge.rows[-1]), graph.last
         while not places or (count % self._pause and not still[last - 1]):
-            place = next_node(last, edge, still, self._aiding.times(), float(edge[0]))
+            place = next_node(last, edge, still, self._aiding.stops(float(edge[last])), start)
             if place is None or (places and still[place - 1]):
                 break
             places.append(place)
@@ -245,7 +247,9 @@ class Smoother:
         assert self.graph is not None and self._lag is not None
         times = self.graph.time.rows
         while self._left < len(times) and times[self._left] <= now - self._lag:
-            self.history.append(self._known(self._left, past=True))
+            known = self._known(self._left, past=True)
+            spent = self._newest.latency if self._newest else 0.0
+            self.history.append(replace(known, latency=spent))
             self._left += 1
 
     def _rocked(self, edge: int) -> None:

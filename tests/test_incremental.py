@@ -1,0 +1,245 @@
+"""The streaming smoother: causal, independent of how samples are cut, and equal to the batch."""
+
+import json
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from factors import so3
+from graphnav import Smoother, growing, incremental, isam
+from graphnav.cli import main
+from graphnav.errors import InputError
+from graphnav.increments import increments
+from graphnav.intake import Distance, Inertial, next_node
+from graphnav.preparation import Prepared, prepare
+from graphnav.read import read_run
+from graphnav.run import Array
+from graphnav.simulation import simulate
+from graphnav.smoother import smooth
+from graphnav.vehicle_file import load_vehicle
+
+SECONDS = 240.0  # of which the first 90 or so at rest
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("stream") / "wheeled"
+    simulate("wheeled", out, 11, duration=SECONDS, grade="tactical", gnss=True)
+    return out
+
+
+@pytest.fixture(scope="module")
+def prep(directory: Path) -> Prepared:
+    return prepared(directory)
+
+
+@pytest.fixture(scope="module")
+def stream(prep: Prepared) -> Smoother:
+    return incremental.replayed(prep, None)
+
+
+def prepared(directory: Path) -> Prepared:
+    path = directory / "run.csv.gz"
+    vehicle = load_vehicle(None, path)
+    return prepare(read_run(path, vehicle), vehicle, use_gnss=True, outages=())
+
+
+def positions(stream: Smoother) -> tuple[Array, Array]:
+    """Times and positions of what was known."""
+    return np.array([k.time for k in stream.history]), np.array([k.p_n for k in stream.history])
+
+
+def cut(prep: Prepared, end: float) -> Prepared:
+    """The same run, recorded until `end` only."""
+    run = prep.run
+    assert run.imu is not None and run.odometer is not None and run.gnss is not None
+    i, o, g = (np.searchsorted(s.time, end, "right") for s in (run.imu, run.odometer, run.gnss))
+    sensors = {
+        name: type(s)(*(v[:n] if np.ndim(v) else v for v in vars(s).values()))
+        for name, s, n in (
+            ("imu", run.imu, i),
+            ("odometer", run.odometer, o),
+            ("gnss", run.gnss, g),
+        )
+    }
+    return replace(prep, run=replace(run, end=end, **sensors))
+
+
+def test_an_estimate_never_changes_by_what_is_recorded_later(
+    prep: Prepared, stream: Smoother
+) -> None:
+    part = incremental.replayed(cut(prep, 170.0), None)
+    t, p = positions(stream)
+    t_part, p_part = positions(part)
+    common = t_part <= 170.0 - 1.0
+    assert common.sum() > 40
+    assert np.array_equal(t[: common.sum()], t_part[common])
+    np.testing.assert_allclose(p_part[common], p[: common.sum()], atol=1e-9)
+
+
+def test_the_pieces_samples_come_in_matter_only_to_the_linearisation(
+    prep: Prepared, stream: Smoother
+) -> None:
+    whole, single = stream, incremental.replayed(prep, None, piece=1.0)
+    t, p = positions(whole)
+    t_single, p_single = positions(single)
+    np.testing.assert_array_equal(t_single, t)
+    sd = np.array([k.sd_enu for k in whole.history])
+    settled = t > 150.0
+    assert np.all(np.abs(p_single - p)[settled] < 0.5 * sd[settled])
+
+
+def test_isam_holds_the_batch_solution_of_the_same_factors(stream: Smoother) -> None:
+    graph = stream.graph
+    assert graph is not None
+    assert incremental.distance_from_batch(graph, graph.everything()) < 0.05
+    for _ in range(5):  # robust weights settle one factor of ten a time
+        graph.relinearise(0)
+    assert incremental.distance_from_batch(graph, graph.everything()) < 1e-3
+
+
+def test_shedding_old_nodes_changes_nothing(
+    prep: Prepared, stream: Smoother, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    short = cut(prep, 200.0)
+    t, p = positions(incremental.replayed(short, None))
+    monkeypatch.setattr(growing, "KEPT", 40)
+    monkeypatch.setattr(isam, "MOST", 7)
+    t_shed, p_shed = positions(incremental.replayed(short, None))
+    np.testing.assert_array_equal(t_shed, t)
+    np.testing.assert_allclose(p_shed, p, atol=1e-6)
+
+
+def test_the_final_answer_is_the_batch_one(prep: Prepared) -> None:
+    batch, replay = smooth(prep), incremental.smooth(prep)
+    path, other = replay.smoothed.path, batch.path
+    assert np.linalg.norm(path.p_n - other.p_n, axis=1).max() < 0.01
+    turn = so3.log(so3.transpose(path.R_nb) @ other.R_nb)
+    assert np.rad2deg(np.linalg.norm(turn, axis=1)).max() < 1e-3
+    assert replay.solver["isam_minus_batch_max_m"] < 0.05
+    assert replay.solver["updates"] == len(replay.known)
+
+
+def test_known_later_is_known_better(prep: Prepared, stream: Smoother) -> None:
+    lagging = incremental.replayed(prep, 20.0)
+    t, _ = positions(stream)
+    t_lag, p_lag = positions(lagging)
+    assert np.all(np.diff(t_lag) > 0)
+    np.testing.assert_array_equal(t_lag[-len(t) :], t)
+    sd = np.array([k.sd_enu for k in stream.history])
+    sd_lag = np.array([k.sd_enu for k in lagging.history])[-len(t) :]
+    early = t < t[-1] - 25.0
+    assert np.all(sd_lag[early] <= sd[early] * 1.02)
+    assert sd_lag[early].mean() < 0.9 * sd[early].mean()
+
+
+def test_increments_of_a_stream_are_those_of_the_run(prep: Prepared) -> None:
+    imu = prep.run.imu
+    assert imu is not None
+    inertial = Inertial()
+    for part in np.array_split(np.arange(1500), [7, 8, 30, 131, 800, 802]):
+        inertial.add(imu.time[part], imu.gyro[part], imu.accel[part])
+    n = len(inertial)
+    whole, found = increments(imu), inertial.between(0, n)
+    assert n >= 1500 // 5 - 1
+    np.testing.assert_allclose(found.edge, whole.edge[: n + 1], atol=1e-12)
+    for name in ("rotation", "velocity", "position", "jump"):
+        np.testing.assert_allclose(getattr(found, name), getattr(whole, name)[:n], atol=1e-12)
+
+
+def test_distance_of_a_stream_is_that_of_the_run(prep: Prepared) -> None:
+    odometer = prep.run.odometer
+    assert odometer is not None and odometer.pulse > 0
+    counts, speeds = Distance(odometer.pulse), Distance(0.0)
+    for part in np.array_split(np.arange(400), [1, 2, 57, 300]):
+        t = odometer.time[part]
+        counts.add_pulses(t, odometer.distance[part] / odometer.pulse + 17, 150.0)
+        speeds.add_speed(t, np.cos(t))
+    found, by_speed = (d.around(0.0, odometer.time[399]) for d in (counts, speeds))
+    assert found is not None and by_speed is not None
+    np.testing.assert_allclose(found.distance, odometer.distance[:400], atol=1e-9)
+    expected = np.sin(by_speed.time) - np.sin(by_speed.time[0])
+    np.testing.assert_allclose(by_speed.distance, expected, atol=1e-2)
+
+
+def test_nodes_stand_at_rests_fixes_and_seconds() -> None:
+    edge = np.arange(0, 40, 0.05)
+    still = ((edge[:-1] > 10.3) & (edge[:-1] < 25.7)).astype(float)
+    fixes = np.array([2.4, 2.5, 3.3, 15.0])
+    nodes = [0]
+    while (found := next_node(nodes[-1], edge, still, fixes, 0.0)) is not None:
+        nodes.append(found)
+    t = edge[nodes]
+    near = [0, 1, 2, 2.4, 3, 3.3, 4, 5, 6, 7, 8, 9, 10, 10.35, 20.35, 25.7, 26]
+    np.testing.assert_allclose(t[: len(near)], near, atol=0.051)
+    assert np.diff(t).max() < 10.06
+    # with less recorded the same nodes, as far as they are known
+    part = [0]
+    while (found := next_node(part[-1], edge, still[:500], fixes, 0.0)) is not None:
+        part.append(found)
+    assert part == nodes[: len(part)] and len(part) >= 13
+
+
+def test_samples_one_by_one_and_a_latitude(directory: Path) -> None:
+    table = pd.read_csv(directory / "run.csv.gz").head(14000)
+    smoother = Smoother(directory / "vehicle.toml")
+    assert smoother.estimate() is None
+    for k in range(0, len(table), 50):
+        rows = table.iloc[k : k + 50]
+        for sensor in ("odo_pulses", "gnss_lat"):
+            there = rows[rows[sensor].notna()]
+            if sensor == "odo_pulses" and len(there):
+                smoother.add_odometer(there["time"], pulses=there[sensor])
+            elif len(there):
+                place = (there[f"gnss_{k}"] for k in ("lat", "lon", "height"))
+                smoother.add_gnss(there["time"], *place)
+        gyro, accel = (rows[[f"{k}_{x}" for x in "xyz"]] for k in ("gyro", "accel"))
+        smoother.add_imu(rows["time"], gyro, accel)
+    known = smoother.estimate()
+    assert known is not None
+    truth = pd.read_csv(directory / "truth.csv.gz")
+    at = np.interp(known.time, truth["time"], truth["lat"])
+    assert abs(np.rad2deg(known.geodetic[0]) - at) < 2e-4
+    assert 138.0 < known.time < 140.0
+
+
+def test_a_stream_without_samples_says_so(directory: Path) -> None:
+    with pytest.raises(InputError, match="too few"):
+        Smoother(directory / "vehicle.toml").finish()
+    with pytest.raises(InputError, match="either speed"):
+        Smoother(directory / "vehicle.toml").add_odometer(0.0)
+
+
+def test_command_writes_what_was_known(
+    directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "result"
+    run = str(directory / "run.csv.gz")
+    options = ["--mode", "incremental", "--out", str(out), "--no-rrd", "--no-report"]
+    monkeypatch.setattr(sys, "argv", ["graphnav", "smooth", run, *options])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert not ended.value.code
+    found = pd.read_parquet(out / "trajectory_causal.parquet")
+    assert list(found) == ["time", "e", "n", "u", "heading_deg", "sd_e", "sd_n", "latency_ms"]
+    assert len(found) > 100 and np.isfinite(found.to_numpy()).all()
+    solver = json.loads((out / "summary.json").read_text())["solver"]
+    assert solver["updates"] == len(found) and solver["median_ms"] > 0
+
+
+def test_lag_needs_the_mode(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = str(directory / "run.csv.gz")
+    monkeypatch.setattr(sys, "argv", ["graphnav", "smooth", run, "--lag", "5"])
+    with pytest.raises(SystemExit) as ended:
+        main()
+    assert ended.value.code == 2
+
+
+def test_importing_graphnav_stays_fast() -> None:
+    code = "import sys, graphnav; sys.exit('gtsam' in sys.modules or 'numpy' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
