@@ -40,7 +40,7 @@ class OdometerSums:
     bend: Array  # of d_k psi_dot_k [m rad/s]
     R_mid: Array  # (n, 3, 3) mean rotation since node i, orthonormal
     delay: float  # s, delay and
-    bias: Array  # (n, 3) rad/s, gyro bias the sums were made with
+    bias: Array  # (n, 3) rad/s, gyro bias (less the Earth's rate) the sums were made with
 
     def of(self, on: Index) -> "OdometerSums":
         """The sums of some intervals."""

@@ -67,7 +67,7 @@ def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> O
     earth = at.R_nb[:-1].transpose(0, 2, 1) @ prep.alignment.origin.Omega_n
     bias = at.calibration[nodes.segment, 2]
     steps = odometer_steps(prep.inc, prep.run.odometer, delay, bias[owner], earth[owner, 2])
-    return odometer_sums(prep.inc, pre, nodes.edge, steps)
+    return odometer_sums(prep.inc, pre, nodes.edge, steps, earth)
 
 
 def _phase(nodes: Nodes, pulse: float) -> Factor:

@@ -52,9 +52,12 @@ def odometer_steps(
 
 
 def odometer_sums(
-    inc: Increments, pre: Preintegrated, nodes: Index, steps: OdometerSteps
+    inc: Increments, pre: Preintegrated, nodes: Index, steps: OdometerSteps, earth_b: Array
 ) -> OdometerSums:
-    """Sum the steps along the gyro-integrated rotation between nodes (B4)."""
+    """Sum the steps along the gyro-integrated rotation between nodes (B4).
+
+    `earth_b` (n, 3) rad/s, the Earth's rotation in the body at the start of each interval.
+    """
     first = nodes[:-1]
     owner = interval_of_increment(nodes)
     start = inc.edge[first][owner]
@@ -76,5 +79,7 @@ def odometer_sums(
         bend=total(steps.distance * steps.yaw / np.diff(inc.edge)),
         R_mid=half,
         delay=steps.delay,
-        bias=pre.bias[:, :3],
+        # the gyro turns with the Earth, the displacement is told on it: the Earth's rate acts as a
+        # bias of the integrated rotation
+        bias=pre.bias[:, :3] - earth_b,
     )

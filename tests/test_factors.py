@@ -163,7 +163,7 @@ def test_displacement_follows_gyro_bias_and_delay() -> None:
             inc, NODES, np.tile(np.append(bias, [0, 0, 0]), (3, 1)), InertialNoise(1, 1)
         )
         steps = odometer_steps(inc, odometer, delay, np.zeros(55), np.zeros(55))
-        sums = odometer_sums(inc, pre, NODES, steps)
+        sums = odometer_sums(inc, pre, NODES, steps, np.zeros((3, 3)))
         # only the sums are compared: the axes stay, and the factor adds no first-order change
         fixed = {"R_mid": np.tile(np.eye(3), (3, 1, 1)), "delay": 0.0, "bias": np.zeros((3, 3))}
         sums = OdometerSums(**{**sums.__dict__, **fixed})
