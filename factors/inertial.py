@@ -37,12 +37,12 @@ def predict(
 ) -> tuple[Array, Array, Array]:
     """Carry one node's attitude, velocity and position over interval i (strapdown, no aiding)."""
     T, dv, dp = float(pre.T[i]), pre.dv[i], pre.dp[i]
-    a = R @ dv - np.cross(Omega, R @ (T * dv - dp)) + g * T
+    a = R @ dv - so3.cross(Omega, R @ (T * dv - dp)) + g * T
     guess = v * T + 0.5 * a * T * T
-    v_j = v + a - 2 * np.cross(Omega, guess)
-    p_j = p + v * T + R @ dp - np.cross(Omega, R @ dp) * (T / 3) + 0.5 * g * T * T
-    p_j = p_j - np.cross(Omega, v * T * T + (v_j - v) * (T * T / 3))
-    v_j = v + a - 2 * np.cross(Omega, p_j - p)
+    v_j = v + a - 2 * so3.cross(Omega, guess)
+    p_j = p + v * T + R @ dp - so3.cross(Omega, R @ dp) * (T / 3) + 0.5 * g * T * T
+    p_j = p_j - so3.cross(Omega, v * T * T + (v_j - v) * (T * T / 3))
+    v_j = v + a - 2 * so3.cross(Omega, p_j - p)
     return so3.exp(-Omega * T) @ R @ pre.dR[i], v_j, p_j
 
 
@@ -78,18 +78,18 @@ def inertial(
 
     E = so3.transpose(so3.exp(-Omega * T) @ Ri @ dR) @ Rj
     angle = so3.log(E)
-    q_v = so3.mv(Rit, vj - vi - field.g_n * T + 2 * np.cross(Omega, pj - pi))
+    q_v = so3.mv(Rit, vj - vi - field.g_n * T + 2 * so3.cross(Omega, pj - pi))
     q_p = so3.mv(
         Rit,
         pj
         - pi
         - vi * T
         - 0.5 * field.g_n * T**2
-        + np.cross(Omega, vi * T**2 + (vj - vi) * T**2 / 3),
+        + so3.cross(Omega, vi * T**2 + (vj - vi) * T**2 / 3),
     )
     y_v, y_p = T * dv - dp, dp * T / 3
     residual = np.concatenate(
-        [so3.mv(pre.dR, angle), q_v + np.cross(w, y_v) - dv, q_p + np.cross(w, y_p) - dp], axis=1
+        [so3.mv(pre.dR, angle), q_v + so3.cross(w, y_v) - dv, q_p + so3.cross(w, y_p) - dp], axis=1
     )
 
     Ji, Jj = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))

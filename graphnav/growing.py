@@ -1,6 +1,6 @@
 """A graph that grows node by node: each new interval enters iSAM2 linearised by the batch's own
 factors, recent intervals are linearised anew every few seconds, all of them each time the run has
-grown by half.
+doubled.
 
 So the total work is linear in the run's length, and what the batch re-estimates by iterating
 (linearisation points, biases inside the preintegration, robust weights) settles within seconds.
@@ -32,9 +32,9 @@ from graphnav.smoother import FIRST
 from graphnav.tape import Tape
 from graphnav.timeline import Timeline
 
-SWEEP_EVERY, SWEEP_BACK = 10, 30  # nodes: how often, and how many of the newest, are relinearised
-GROWTH = 1.5  # of the run's length between relinearisations of all of it
-KEPT = 4 * SWEEP_BACK  # nodes that stay in the tree, at least
+SWEEP_EVERY, SWEEP_BACK = 10, 20  # nodes: how often, and how many of the newest, are relinearised
+GROWTH = 2.0  # of the run's length between relinearisations of all of it
+KEPT = 6 * SWEEP_BACK  # nodes that stay in the tree, at least
 UNIT = 10.0  # prior sigmas: iSAM2 then passes on changes of a hundredth of a sigma
 
 
@@ -62,7 +62,7 @@ class Growing:
         self._c, self.segment_time, self.segment = Tape(prep.layout.dim), Tape(), Tape()
         self.states: list[str] = []  # of each interval
         self._aids: list[Aid] = []  # of each node
-        self._swept = 2 * SWEEP_BACK  # nodes when all were last relinearised
+        self._swept = 3 * SWEEP_BACK  # nodes when all were last relinearised
         self._unit = UNIT * prep.layout.prior_sd
         self._tree = Tree(self._unit)
         dim = prep.layout.dim
