@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import gtsam
 import numpy as np
 
-from factors.block import NODE_DIM, Block, Index
+from factors.block import NODE_DIM, Array, Block, Index
 
 
 @dataclass(frozen=True)
@@ -39,10 +39,24 @@ def _add_intervals(
     graph: gtsam.GaussianFactorGraph, blocks: Sequence[Block], keys: Keys, dim: int
 ) -> None:
     """One factor an interval; a factor on the last node alone joins the last interval."""
-    last = len(keys.x) - 2
-    home = [np.minimum(_first_node(b), last) for b in blocks]
+    A, b, start = _stacked(blocks, len(keys.x) - 1, dim)
+    rows = np.unique(np.diff(start))
+    models = {int(r): gtsam.noiseModel.Unit.Create(int(r)) for r in rows}
+    first, second, third = A[:, :NODE_DIM], A[:, NODE_DIM : 2 * NODE_DIM], A[:, 2 * NODE_DIM :]
+    bounds = start.tolist()
+    for i, c in enumerate(keys.segment.tolist()):
+        lo, hi = bounds[i], bounds[i + 1]
+        if hi > lo:
+            x_i, x_j, model = keys.x[i], keys.x[i + 1], models[hi - lo]
+            parts = x_i, first[lo:hi], x_j, second[lo:hi], keys.c[c], third[lo:hi]
+            graph.add(gtsam.JacobianFactor(*parts, b[lo:hi], model))
+
+
+def _stacked(blocks: Sequence[Block], intervals: int, dim: int) -> tuple[Array, Array, Index]:
+    """Rows of all blocks in order of interval: `[A_i A_j A_c]`, b, and where each one begins."""
+    home = [np.minimum(_first_node(b), intervals - 1) for b in blocks]
     rows = [b.residual.shape[1] for b in blocks]
-    count = np.zeros(last + 1, np.int64)
+    count = np.zeros(intervals, np.int64)
     for at, r in zip(home, rows, strict=True):
         np.add.at(count, at, r)
     start = np.concatenate([[0], np.cumsum(count)])
@@ -66,25 +80,7 @@ def _add_intervals(
             else:
                 column = (term.index - at) * NODE_DIM
                 A[row[:, :, None], column[:, None, None] + np.arange(NODE_DIM)] = term.jacobian
-    models = {int(r): gtsam.noiseModel.Unit.Create(int(r)) for r in np.unique(count)}
-    first, second, third = A[:, :NODE_DIM], A[:, NODE_DIM : 2 * NODE_DIM], A[:, 2 * NODE_DIM :]
-    segment = keys.segment.tolist()
-    bounds = start.tolist()
-    for i in range(last + 1):
-        lo, hi = bounds[i], bounds[i + 1]
-        if hi > lo:
-            graph.add(
-                gtsam.JacobianFactor(
-                    keys.x[i],
-                    first[lo:hi],
-                    keys.x[i + 1],
-                    second[lo:hi],
-                    keys.c[segment[i]],
-                    third[lo:hi],
-                    b[lo:hi],
-                    models[hi - lo],
-                )
-            )
+    return A, b, start
 
 
 def _first_node(block: Block) -> Index:
