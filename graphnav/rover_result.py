@@ -56,14 +56,17 @@ def solve_rover(
     use_gnss: bool = True,
     outages: Sequence[tuple[float, float]] = (),
     told: Callable[[str], None] = lambda _: None,
+    feel_ground: bool = True,
 ) -> Solved:
     """Smooth a run with rover gear. `outages` on the file's clock, s: fixes withheld.
+
+    Not `feel_ground`: slip only from turns that the heading sensor or a gyro sees (C6).
 
     Raises `InputError` when wheels, geometry or start are missing, `SolutionError` when the graph
     does not settle.
     """
     gnss = _in_use(run, outages) if use_gnss and vehicle.gnss.use else None
-    solution = smooth_rover(replace(run, gnss=gnss), vehicle, told)
+    solution = smooth_rover(replace(run, gnss=gnss), vehicle, told, feel_ground)
     problem = solution.problem
     kept = [i for i, b in enumerate(solution.solution.blocks) if b.kind not in INNER]
     return Solved(

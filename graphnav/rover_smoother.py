@@ -51,11 +51,15 @@ class RoverSolution:
 
 
 def smooth_rover(
-    run: Run, vehicle: Vehicle, told: Callable[[str], None] = lambda _: None
+    run: Run,
+    vehicle: Vehicle,
+    told: Callable[[str], None] = lambda _: None,
+    feel_ground: bool = True,
 ) -> RoverSolution:
     """Solve a rover run: convex weights first; then the ground's profile and statistics join in.
 
-    Every fix in `run.gnss` is used; `told` hears the name of each stage as it begins.
+    Every fix in `run.gnss` is used; `told` hears the name of each stage as it begins. Not
+    `feel_ground`: slip is not read from the ground's profile.
     """
     told("wheels")
     problem = prepare(run, vehicle)
@@ -75,7 +79,8 @@ def smooth_rover(
         if robust is not ROBUST:
             path = path_of(problem, estimate)
             k = estimate.calibration[:, problem.layout.column("slip_coefficient")]
-            found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
+            if feel_ground:
+                found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
             if round_ == 1:  # later estimates lean on the wheels' yaw too much to judge it
                 problem = with_spread(problem, "yaw_slip", 0.0, yaw_slip_sd(problem, estimate))
             known = covariances(solution.bayes_net, problem.chain)

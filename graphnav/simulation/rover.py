@@ -17,7 +17,7 @@ from factors import rocker_bogie as rb
 from graphnav.earth import Origin
 from graphnav.simulation import rover_ground as ground
 from graphnav.simulation import rover_sensors as sensors
-from graphnav.simulation.grades import DEG_H, DEG_SQRT_H, Grade
+from graphnav.simulation.grades import DEG_H, DEG_SQRT_H, MG, Grade
 from graphnav.simulation.rover_sensors import GEAR_DT, IMU_DT, Conditions, Motion
 
 Array = NDArray[np.float64]
@@ -29,6 +29,7 @@ LINKAGE = rb.Linkage(
 ORIGIN = Origin(np.radians(40.12), np.radians(98.45), 1250.0)
 CLOCK_START = 1000.0  # s
 TRUTH_DT = 1.0  # s
+LEAST = 1e-3  # mg; a vehicle file states no perfect sensor
 START_HEADING_SD = np.radians(1.0)
 
 
@@ -225,8 +226,8 @@ kind = "rover"
 
 [imu]
 axes = "RFU"
-{gyro if c.gyro else ""}accel_bias_mg = {c.accel_bias / 9.80665e-3:.3g}
-accel_noise_mg_sqrt_hz = {c.accel_noise * np.sqrt(IMU_DT) / 9.80665e-3:.3g}
+{gyro if c.gyro else ""}accel_bias_mg = {max(c.accel_bias / MG, LEAST):.3g}
+accel_noise_mg_sqrt_hz = {max(c.accel_noise * np.sqrt(IMU_DT) / MG, LEAST):.3g}
 
 [start]
 lat = {np.degrees(lat):.9f}
