@@ -160,7 +160,7 @@ class Smoother:
         if self._lag is None:
             self.graph.relinearise(0)
         else:
-            self._leave(np.inf)
+            self.history += self._leaving(np.inf)
 
     def _since_start(self, time: ArrayLike) -> Array:
         t = np.atleast_1d(np.asarray(time, dtype=np.float64))
@@ -222,18 +222,16 @@ class Smoother:
         self._rocked(edges[0])
         aids = [self._aiding.near(t, graph.origin) for t in times.tolist()]
         found, marks = [], [due]
-        for node in graph.grow(edges, self._states.now, aids):
-            found.append(self._known(node))
+        for node, t in zip(graph.grow(edges, self._states.now, aids), times, strict=True):
+            newest = self._known(node)
+            found.append((newest, [newest] if self._lag is None else self._leaving(float(t))))
             marks.append(perf_counter())
         self._states.follow(graph)
         spent = _shares(np.diff(marks), perf_counter() - marks[-1])
-        for known, latency, t in zip(found, spent, times, strict=True):
+        for (newest, told), latency, t in zip(found, spent, times, strict=True):
             if t >= self._aligned - 1.0:  # before, the vehicle did not know yet: made up for
-                self._newest = replace(known, latency=latency)
-                if self._lag is None:
-                    self.history.append(self._newest)
-        if self._lag is not None:
-            self._leave(float(times[-1]))
+                self._newest = replace(newest, latency=latency)
+                self.history += [replace(k, latency=latency) for k in told]
 
     def _known(self, node: int, past: bool = False) -> Known:
         graph = self.graph
@@ -242,15 +240,12 @@ class Smoother:
         state = graph.past(node) if past else graph.newest(node)
         return Known(time, *state, graph.origin, 0.0)
 
-    def _leave(self, now: float) -> None:
-        """Record the nodes that are `lag` old by now, as they are known now."""
+    def _leaving(self, now: float) -> list[Known]:
+        """The nodes that are `lag` old by now, as they are known now."""
         assert self.graph is not None and self._lag is not None
-        times = self.graph.time.rows
-        while self._left < len(times) and times[self._left] <= now - self._lag:
-            known = self._known(self._left, past=True)
-            spent = self._newest.latency if self._newest else 0.0
-            self.history.append(replace(known, latency=spent))
-            self._left += 1
+        times, first = self.graph.time.rows, self._left
+        self._left = max(int(np.searchsorted(times, now - self._lag, side="right")), first)
+        return [self._known(node, past=True) for node in range(first, self._left)]
 
     def _rocked(self, edge: int) -> None:
         """How far the vehicle rocks at standstill, of the rests until this edge."""
@@ -261,7 +256,7 @@ class Smoother:
         moving = np.flatnonzero(still[:edge] == 0)
         first = int(moving[-1]) + 1 if len(moving) else 0
         inc = self._inertial.between(first, edge)
-        self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]])
+        self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]], graph.prep.noise.gyro)
         graph.prep = replace(graph.prep, rocking=np.median(list(self._rocking.values()), axis=0))
 
 
