@@ -93,7 +93,7 @@ def prepare(
             np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
         )
     layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle))
-    rock = rocking(inc, rests)
+    rock = rocking(inc, rests, noise.gyro)
     return Prepared(
         run, used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes, rock
     )

@@ -115,21 +115,24 @@ def unmoved(rests: Array, gnss: Gnss) -> Array:
     return np.array(kept).reshape(-1, 2)
 
 
-def rocking(inc: Increments, rests: Array) -> Array:
+def rocking(inc: Increments, rests: Array, gyro: float) -> Array:
     """One sigma of the body's angle about its mean while it stands, by axis, (3,) rad.
 
-    The gyro's angle with its trend taken off: an idling engine shakes, wind and people rock, the
-    gyro's own random walk adds a little. The median over the rests.
+    The gyro's angle with its trend taken off: an idling engine shakes, wind and people rock. What
+    the gyro's own random walk (`gyro` rad/sqrt(s)) leaves of that, T/15 of its square, is not the
+    vehicle's. The median over the rests.
     """
     found = []
+    inc_dt = float(np.diff(inc.edge).mean())
     for start, end in rests:
         on = (inc.edge[:-1] >= start) & (inc.edge[1:] <= end)
-        angle = np.cumsum(inc.rotation[on][: round(60 / np.diff(inc.edge).mean())], 0)
+        angle = np.cumsum(inc.rotation[on][: round(60 / inc_dt)], 0)
         if len(angle) > 10:
             t = np.linspace(-1, 1, len(angle))
             angle = angle - angle.mean(0)
             trend = t[:, None] * (t @ angle) / (t @ t)
-            found.append((angle - trend).std(0))
+            own = gyro**2 * inc_dt * len(angle) / 15
+            found.append(np.sqrt(np.maximum((angle - trend).var(0) - own, 0.1 * own)))
     return np.median(found, 0) if found else np.zeros(3)
 
 

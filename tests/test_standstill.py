@@ -103,9 +103,9 @@ def test_rocking_is_the_angle_without_its_trend() -> None:
     angle = np.outer(edge, [1e-3, 1e-3, 1e-3])
     angle[:, 0] += 2e-4 * np.sqrt(2) * np.sin(2 * np.pi * edge)
     inc = Increments(edge, np.diff(angle, axis=0), np.zeros((600, 3)), np.zeros((600, 3)), edge[1:])
-    found = rocking(inc, np.array([[0.0, 30.0]]))
+    found = rocking(inc, np.array([[0.0, 30.0]]), 0.0)
     np.testing.assert_allclose(found, [2e-4, 0, 0], atol=2e-6)
-    np.testing.assert_array_equal(rocking(inc, np.zeros((0, 2))), 0)
+    np.testing.assert_array_equal(rocking(inc, np.zeros((0, 2)), 0.0), 0)
 
 
 def test_a_locked_wheel_is_no_stop() -> None:
