@@ -15,7 +15,7 @@ from graphnav.run import Array
 
 Linearise = Callable[[Estimate], list[Block]]
 
-ROUGH, FINE = 10.0, 3e-2  # squared length of the last step in standard deviations, all states
+ROUGH, FINE = 1.0, 1e-2  # squared length of the last step in standard deviations, all states
 MAX_ITERATIONS, ROUGH_ITERATIONS = 40, 12
 HELD_FROM = 15  # and from which they stay: a redescending weight may creep for ever
 DAMPED_FROM = 6  # iteration from which weights are averaged with the last ones: no limit cycles
