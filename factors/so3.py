@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 _SMALL = 1e-4  # rad; below it the Taylor series is exact to double precision
+_LARGE = 0.04  # rad; beyond it `compound` and `rotated` leave their series
 
 
 def skew(a: Array) -> Array:
@@ -53,21 +54,33 @@ def exp(theta: Array) -> Array:
 
 
 def compound(a: Array, b: Array) -> Array:
-    """Rotation vector of `Exp(a) Exp(b)` for small turns (Baker-Campbell-Hausdorff, fourth order).
+    """Rotation vector of `Exp(a) Exp(b)`, (n, 3); quick for small turns.
 
-    Wrong by the fifth power of the angles: 1e-9 rad for turns of 0.02 rad.
+    Baker-Campbell-Hausdorff to fourth order: wrong by the fifth power of the angles, 1e-9 rad for
+    turns of 0.02 rad. Larger turns go by their matrices.
     """
     ab = cross(a, b)
     aab = cross(a, ab)
-    return a + b + ab / 2 + (aab - cross(b, ab)) / 12 - cross(b, aab) / 24
+    out = a + b + ab / 2 + (aab - cross(b, ab)) / 12 - cross(b, aab) / 24
+    large = _large(np.abs(a) + np.abs(b))
+    out[large] = log(exp(a[large]) @ exp(b[large]))
+    return out
 
 
 def rotated(a: Array, v: Array) -> Array:
-    """`Exp(a) v` for small turns, to fourth order in the angle."""
+    """`Exp(a) v`, (n, 3); to fourth order in the angle where it is small."""
     first = cross(a, v)
     second = cross(a, first)
     third = cross(a, second)
-    return v + first + second / 2 + third / 6 + cross(a, third) / 24
+    out = v + first + second / 2 + third / 6 + cross(a, third) / 24
+    large = _large(a)
+    out[large] = mv(exp(a[large]), v[large])
+    return out
+
+
+def _large(theta: Array) -> NDArray[np.intp]:
+    """Which turns (n, 3) are beyond the short series."""
+    return np.flatnonzero(np.einsum("ni,ni->n", theta, theta) > _LARGE**2)
 
 
 def log(R: Array) -> Array:

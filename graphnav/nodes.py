@@ -72,6 +72,8 @@ def _with_room(chosen: Index, candidates: Index, edges: Array, room: float) -> I
     if len(free) and np.min(np.diff(edges[free]), initial=np.inf) < room:
         slot = np.floor((edges[free] - edges[0]) / room)
         free = free[np.unique(slot, return_index=True)[1]]
+        # one a slot may still stand right behind that of the slot before
+        free = free[np.diff(edges[free], prepend=-np.inf) >= room / 2]
     return np.unique(np.concatenate([chosen, free]))
 
 
