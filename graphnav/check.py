@@ -24,7 +24,7 @@ def check(run: Run, vehicle: Vehicle, use_gnss: bool = True) -> list[str]:
     when nothing says where the run began. `use_gnss` false: fixes may not serve as a start.
     """
     _fatal(run, vehicle, use_gnss)
-    findings = [*run.notes, *_assumed(vehicle)]
+    findings = [*run.notes, *_assumed(vehicle, run.sides is not None)]
     if run.imu is not None:
         plausibility.check_gravity(run, vehicle)
         plausibility.check_rates(run, vehicle)
@@ -51,7 +51,7 @@ def _fatal(run: Run, vehicle: Vehicle, use_gnss: bool) -> None:
         )
 
 
-def _assumed(vehicle: Vehicle) -> list[str]:
+def _assumed(vehicle: Vehicle, two_sided: bool) -> list[str]:
     """What the vehicle file leaves open and a default answers."""
     found = []
     if vehicle.imu.assumed and vehicle.kind != "rover":
@@ -59,6 +59,8 @@ def _assumed(vehicle: Vehicle) -> list[str]:
         found.append(f"IMU figures not given: assumed {values}; state them or a grade under [imu]")
     body = vehicle.body
     missing = [name for name in ("track_gauge", "contact_length") if not body.given(name)]
+    if vehicle.kind == "tracked" and body.low_gear_ratio is None and not two_sided:
+        found.append("[vehicle] low_gear_ratio not given: assumed 1.42 (1: no low gear)")
     if vehicle.kind == "tracked" and missing:
         values = ", ".join(f"{name} {getattr(body, name):g} m" for name in missing)
         found.append(f"[vehicle] geometry not given: assumed {values}")

@@ -30,6 +30,7 @@ from graphnav.vehicle import Vehicle
 
 Outages = Sequence[tuple[float, float]]  # on the file's clock, s
 
+LOW_GEAR_RATIO = 1.42  # of a gearbox odometer, where the vehicle file does not say (A6)
 STANDING_START_S = 3.0  # a rest at least this long, begun as the run starts, aligns
 
 
@@ -125,9 +126,8 @@ def _reckoned_speed(inc: Increments, vehicle: Vehicle, alignment: Alignment) -> 
 def params(vehicle: Vehicle, two_sided: bool = False) -> VehicleParams:
     """What state recognition must know of the vehicle."""
     body = vehicle.body
-    return VehicleParams(
-        vehicle.kind, body.track_gauge, body.contact_length, body.low_gear_ratio, two_sided
-    )
+    ratio = body.low_gear_ratio or (1.0 if two_sided else LOW_GEAR_RATIO)
+    return VehicleParams(vehicle.kind, body.track_gauge, body.contact_length, ratio, two_sided)
 
 
 def two_sided(run: Run, vehicle: Vehicle) -> bool:

@@ -74,7 +74,9 @@ class Body(Section):
     name: str = key("free text for reports", default="")
     track_gauge: Positive = key("distance between the tracks B", "m", 2.80)
     contact_length: Positive = key("ground contact length L", "m", 3.84)
-    low_gear_ratio: Positive = key("odometer speed per ground speed in low gear", default=1.0)
+    low_gear_ratio: Positive | None = key(
+        "odometer over ground speed in low gear; 1: none (1.42, or 1 with two side speeds)"
+    )
     max_turn_deg: Positive = key("heading change over 1 s beyond which tracks tell nothing",
                                  "deg", 45.0)  # fmt: skip
 
