@@ -12,6 +12,7 @@ machines (and a machine's busy hours) compare. Runs are simulated once, into --c
 
 import argparse
 import json
+import operator
 import platform
 import subprocess
 import sys
@@ -80,25 +81,27 @@ def measured(name: str, cache: Path) -> Measured:
         told = json.loads(done.stdout.splitlines()[-1])
         summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     stages = {"importing": told["importing"]} | _merged(summary["stages"])
-    solver, memory = summary["solver"], summary["stage_memory_mb"]
+    solver = summary["solver"]
     keep = ("updates", "median_ms", "p99_ms", "first_thousand_ms", "last_thousand_ms")
     return {
         "seconds": round(told["seconds"], 3),
         "unit": round(told["unit"], 5),
         "nodes": solver["nodes"],
         "peak_memory_mb": summary["peak_memory_mb"],
-        "hungriest": max(memory, key=lambda stage: memory[stage]),
         "stages": {k: round(v, 3) for k, v in stages.items()},
+        "memory_mb": {k: round(v) for k, v in _merged(summary["stage_memory_mb"], max).items()},
         "latency": {k: solver[k] for k in keep if k in solver},
     }
 
 
-def _merged(stages: dict[str, float]) -> dict[str, float]:
-    """Rounds of one stage added up."""
+def _merged(
+    stages: dict[str, float], join: Callable[[float, float], float] = operator.add
+) -> dict[str, float]:
+    """Rounds of one stage as one: added up, or what `join` makes of them."""
     total: dict[str, float] = {}
-    for name, seconds in stages.items():
+    for name, value in stages.items():
         kind = name.partition(",")[0]
-        total[kind] = total.get(kind, 0.0) + seconds
+        total[kind] = join(total.get(kind, 0.0), value)
     return total
 
 
@@ -170,7 +173,7 @@ def show(found: dict[str, Measured], base: dict[str, Measured]) -> None:
     rows: dict[str, Callable[[str, Measured], str]] = {
         "ms a node": lambda name, one: f"{1e3 * one['seconds'] / one['nodes']:.2f}",
         "peak memory, MB": lambda name, one: f"{one['peak_memory_mb']:.0f}",
-        "most of it in": lambda name, one: one["hungriest"].partition(",")[0],
+        "most of it in": lambda name, one: _hungriest(one["memory_mb"]),
         "unit, ms": lambda name, one: f"{1e3 * one['unit']:.1f}",
         "units": lambda name, one: f"{one['seconds'] / one['unit']:.0f}",
         "baseline units": lambda name, one: (
@@ -184,6 +187,10 @@ def show(found: dict[str, Measured], base: dict[str, Measured]) -> None:
     for label, cell in rows.items():
         table.add_row(label, *(cell(name, one) for name, one in found.items()))
     Console(width=30 + 14 * len(found)).print(table)
+
+
+def _hungriest(memory: dict[str, float]) -> str:
+    return max(memory, key=lambda stage: memory[stage], default="")
 
 
 def _pair(one: Measured, first: str, second: str) -> str:
