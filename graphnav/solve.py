@@ -8,11 +8,12 @@ import numpy as np
 
 from factors.block import Block
 from factors.weights import Robust
-from graphnav.elimination import Chain, eliminate, step
+from graphnav.elimination import Chain, eliminate, linear_system, quick_step, step
 from graphnav.errors import SolutionError
 from graphnav.estimate import Estimate, finite
 from graphnav.run import Array
 
+Step = tuple[Array, Array]  # error states of nodes (N, 10) and calibration segments (K, dim)
 Linearise = Callable[[Estimate], list[Block]]
 
 ROUGH, FINE = 1.0, 1e-2  # squared length of the last step in standard deviations, all states
@@ -61,42 +62,57 @@ def gauss_newton(
     for iteration in range(1, MAX_ITERATIONS + 1):
         cost = cost_of(blocks, weights)
         weighted = [b.weighted(w) for b, w in zip(blocks, weights, strict=True)]
-        bayes_net = eliminate(weighted, chain)
-        nodes, segments = step(bayes_net, chain)
-        trial, trial_blocks = _descend(linearise, estimate, nodes, segments, weights, cost)
-        length = sum(float(np.sum(b.change(nodes, segments) ** 2)) for b in weighted)
+        graph = linear_system(weighted, chain)
+        quick = quick_step(graph, chain)
+        taken = quick and _taken(linearise, estimate, quick, weights, cost)
         # an early round need not settle: the next one begins where it ends
-        if length < tolerance or (tolerance >= ROUGH and iteration == ROUGH_ITERATIONS):
-            return Solution(trial, trial_blocks, weights, bayes_net, iteration, cost)
-        estimate, blocks = trial, trial_blocks
+        ends = tolerance >= ROUGH and iteration == ROUGH_ITERATIONS
+        if not quick or not taken or ends or _length(weighted, quick) < tolerance:
+            bayes_net = eliminate(graph, chain)
+            exact = step(bayes_net, chain)
+            taken = _descended(linearise, estimate, exact, weights, cost)
+            if ends or _length(weighted, exact) < tolerance:
+                return Solution(*taken, weights, bayes_net, iteration, cost)
+        estimate, blocks = taken
         if iteration >= HELD_FROM:
             continue
         fresh = [weights_of(block, robust) for block in blocks]
         damped = iteration >= DAMPED_FROM
         weights = [np.sqrt(w * f) if damped else f for w, f in zip(weights, fresh, strict=True)]
+    last = float(np.sqrt(_length(weighted, exact if quick is None else quick)))
     raise SolutionError(
-        f"no convergence in {MAX_ITERATIONS} iterations (last step {np.sqrt(length):.2g} sigma): "
+        f"no convergence in {MAX_ITERATIONS} iterations (last step {last:.2g} sigma): "
         + worst(blocks)
     )
 
 
-def _descend(
-    linearise: Linearise,
-    estimate: Estimate,
-    nodes: Array,
-    segments: Array,
-    weights: list[Array],
-    cost: float,
+def _length(weighted: list[Block], delta: Step) -> float:
+    """Squared length of a step in standard deviations, `d^T H d`."""
+    return sum(float(np.sum(block.change(*delta) ** 2)) for block in weighted)
+
+
+def _taken(
+    linearise: Linearise, estimate: Estimate, delta: Step, weights: list[Array], cost: float
+) -> tuple[Estimate, list[Block]] | None:
+    """Estimate and blocks after a step; None when the cost grows."""
+    trial = estimate.retract(*delta)
+    if not finite(trial):
+        return None
+    blocks = linearise(trial)
+    return (trial, blocks) if cost_of(blocks, weights) <= cost * (1 + 1e-6) + 1e-3 else None
+
+
+def _descended(
+    linearise: Linearise, estimate: Estimate, delta: Step, weights: list[Array], cost: float
 ) -> tuple[Estimate, list[Block]]:
-    """Take the step, or a half, quarter ... of it while the cost would grow."""
+    """The step taken, or a half, quarter ... of it while the cost would grow."""
     for halving in range(6):
-        share = 0.5**halving
-        trial = estimate.retract(share * nodes, share * segments)
-        if finite(trial):
-            blocks = linearise(trial)
-            if cost_of(blocks, weights) <= cost * (1 + 1e-6) + 1e-3:
-                return trial, blocks
-    return trial, blocks
+        part = (0.5**halving * delta[0], 0.5**halving * delta[1])
+        taken = _taken(linearise, estimate, part, weights, cost)
+        if taken:
+            return taken
+    trial = estimate.retract(*part)
+    return trial, linearise(trial)
 
 
 def worst(blocks: list[Block]) -> str:
