@@ -212,17 +212,19 @@ def increment_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge
     ]
     after = [_predicted_speed(m, moments.odometer_after, moments.yaw_rate_after)[0] for m in models]
     spread = np.array([m.spread for m in models])
-    start, end = np.column_stack(before)[:, :, None], np.column_stack(after)[:, None, :]
-    error = end - start - moments.gained[:, None, None]
-    same = (spread[:, None] * (end - start)) ** 2
+    start, end = np.column_stack(before), np.column_stack(after)
+    value = end[:, None, :] - start[:, :, None]
+    value -= moments.gained[:, None, None]
+    value *= value
     # ground and odometer scale are common to both states: half the spread is shared
-    other = 0.25 * ((spread[:, None] * start) ** 2 + (spread[None, :] * end) ** 2)
-    variance = np.where(np.eye(len(models), dtype=bool), same, other) + INCREMENT_SD**2
+    variance = 0.25 * (spread * start)[:, :, None] ** 2 + 0.25 * (spread * end)[:, None, :] ** 2
+    np.einsum("tii->ti", variance)[:] = (spread * (end - start)) ** 2
     # while a turn begins or ends the faster track gains on the middle as its factor allows
     swing = 0.5 * gauge * (moments.yaw_rate_after - moments.yaw_rate_before)
-    variance = variance + swing[:, None, None] ** 2
-    value = np.maximum(-0.5 * error**2 / variance, 3 * OUTLIER)
-    return np.where(np.isnan(value), 0.0, value)
+    variance += (swing**2 + INCREMENT_SD**2)[:, None, None]
+    value /= -2 * variance
+    np.maximum(value, 3 * OUTLIER, out=value)
+    return np.nan_to_num(value, copy=False, nan=0.0)
 
 
 def change_likelihood(increments: Array, models: tuple[StateModel, ...]) -> Array:
