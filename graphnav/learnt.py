@@ -90,7 +90,8 @@ def verdicts(found: list[Calibrated], smoothed: Smoothed) -> list[str]:
             drift = 1e3 * float(np.ptp(c.value[:, 0]))
             mean, sd = float(c.value.mean()), float(np.median(c.sd))
             said.append(f"odometer scale {mean:.4f} +- {sd:.4f}, drifted {drift:.1f} permille")
-        if c.name == "time_offset_s" and c.observable[0]:
+        late = c.name == "time_offset_s" and abs(c.value[0, 0]) > max(0.002, 2 * c.sd[0, 0])
+        if late and c.observable[0]:
             said.append(
                 f"odometer clock off by {1e3 * c.value[0, 0]:.0f} +- {1e3 * c.sd[0, 0]:.0f} ms"
             )
