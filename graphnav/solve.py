@@ -18,8 +18,7 @@ Linearise = Callable[[Estimate], list[Block]]
 
 ROUGH, FINE = 1.0, 1e-2  # squared length of the last step in standard deviations, all states
 MAX_ITERATIONS, ROUGH_ITERATIONS = 40, 12
-HELD_FROM = 15  # and from which they stay: a redescending weight may creep for ever
-DAMPED_FROM = 6  # iteration from which weights are averaged with the last ones: no limit cycles
+HELD_FROM = 8  # iteration from which weights stay: a redescending weight may creep for ever
 
 
 @dataclass(frozen=True)
@@ -74,11 +73,8 @@ def gauss_newton(
             if ends or _length(weighted, exact) < tolerance:
                 return Solution(*taken, weights, bayes_net, iteration, cost)
         estimate, blocks = taken
-        if iteration >= HELD_FROM:
-            continue
-        fresh = [weights_of(block, robust) for block in blocks]
-        damped = iteration >= DAMPED_FROM
-        weights = [np.sqrt(w * f) if damped else f for w, f in zip(weights, fresh, strict=True)]
+        if iteration < HELD_FROM:
+            weights = [weights_of(block, robust) for block in blocks]
     last = float(np.sqrt(_length(weighted, exact if quick is None else quick)))
     raise SolutionError(
         f"no convergence in {MAX_ITERATIONS} iterations (last step {last:.2g} sigma): "
