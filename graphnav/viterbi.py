@@ -5,6 +5,7 @@ The steps must loop, but a chain forgets within a minute: long ones are cut into
 that run side by side in one array, and each chunk's middle is kept.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -17,6 +18,7 @@ Steps = NDArray[np.intp]
 Kind = TypeVar("Kind", bound=np.generic)
 
 CHUNK, OVERLAP = 2000, 200  # steps
+SIDE_BY_SIDE = 12  # chunks run together; more would only cost memory
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,16 @@ class Chain:
 
 
 @dataclass(frozen=True)
+class _Batch:
+    """K chunks side by side."""
+
+    likelihood: Array  # (L, K, S)
+    change: Array  # (L, K, S, S)
+    begins: Array  # (K, S) log probability at the first step
+    chain: Chain
+
+
+@dataclass(frozen=True)
 class _Chunks:
     """Equally long pieces of a chain that overlap by at least `OVERLAP` steps."""
 
@@ -38,9 +50,14 @@ class _Chunks:
     first: Steps  # (K,) where each begins
     length: int
 
-    def cut(self, x: Array) -> Array:
-        """(T, ...) to (length, K, ...)."""
-        return np.asarray(x[self.first[None, :] + np.arange(self.length)[:, None]])
+    def batches(self, chain: Chain) -> Iterator[_Batch]:
+        """Some chunks at a time."""
+        begins = np.zeros((len(self.first), len(chain.stay)))  # inside the run any state
+        begins[0] = chain.initial
+        for k in range(0, len(self.first), SIDE_BY_SIDE):
+            some = slice(k, k + SIDE_BY_SIDE)
+            at = self.first[None, some] + np.arange(self.length)[:, None]
+            yield _Batch(chain.likelihood[at], chain.change[at], begins[some], chain)
 
     def join(self, y: NDArray[Kind]) -> NDArray[Kind]:
         """(length, K, ...) to (T, ...): every step from the chunk whose middle is nearest."""
@@ -57,13 +74,6 @@ def _chunks(steps: int) -> _Chunks:
     return _Chunks(steps, first, length)
 
 
-def _begins(chain: Chain, chunks: _Chunks) -> Array:
-    """Log probabilities at the first step of each chunk, (K, S); inside the run any state."""
-    begins = np.zeros((len(chunks.first), len(chain.stay)))
-    begins[0] = chain.initial
-    return begins
-
-
 def most_probable(chain: Chain) -> Steps:
     """Most probable state of every step as one sequence, (T,). Viterbi 1967.
 
@@ -71,7 +81,12 @@ def most_probable(chain: Chain) -> Steps:
     `dwell` steps later with the likelihood of those steps as one sum.
     """
     chunks = _chunks(len(chain.likelihood))
-    likelihood, change = chunks.cut(chain.likelihood), chunks.cut(chain.change)
+    return chunks.join(np.concatenate([_paths(b) for b in chunks.batches(chain)], axis=1))
+
+
+def _paths(batch: _Batch) -> Steps:
+    """Most probable paths of some chunks, (L, K)."""
+    likelihood, change, chain = batch.likelihood, batch.change, batch.chain
     steps, count, states = likelihood.shape
     wait = chain.dwell - 1
     total = np.concatenate([np.zeros((1, count, states)), np.cumsum(likelihood, 0)])
@@ -80,7 +95,7 @@ def most_probable(chain: Chain) -> Steps:
     entry = np.full((steps, count, states), -np.inf)
     came_from = np.zeros((steps, count, states), dtype=np.intp)  # best state to have left
     entered = np.zeros((steps, count, states), dtype=np.intp)  # when the dwelt state was entered
-    score = _begins(chain, chunks) + likelihood[0]
+    score = batch.begins + likelihood[0]
     for t in range(1, steps):
         options = score[:, :, None] + change[t]
         came_from[t] = options.argmax(axis=1)
@@ -97,7 +112,7 @@ def most_probable(chain: Chain) -> Steps:
     paths = [
         _trace_back(score[k], late[:, k], entered[:, k], came_from[:, k]) for k in range(count)
     ]
-    return chunks.join(np.stack(paths, 1))
+    return np.stack(paths, 1)
 
 
 def _trace_back(score: Array, late: Array, entered: Steps, came_from: Steps) -> Steps:
@@ -123,13 +138,18 @@ def posterior(chain: Chain) -> Array:
     Every state is a row of `dwell` cells passed one per step; only the last may be left.
     """
     chunks = _chunks(len(chain.likelihood))
-    likelihood = chunks.cut(chain.likelihood)
+    return chunks.join(np.concatenate([_posteriors(b) for b in chunks.batches(chain)], axis=1))
+
+
+def _posteriors(batch: _Batch) -> Array:
+    """Posteriors of some chunks, (L, K, S)."""
+    likelihood, chain = batch.likelihood, batch.chain
     steps, count, states = likelihood.shape
     last = chain.dwell - 1
     evidence = np.exp(likelihood - likelihood.max(axis=2, keepdims=True))[:, :, :, None]
-    change, stay = np.exp(chunks.cut(chain.change)), np.exp(chain.stay)
+    change, stay = np.exp(batch.change), np.exp(chain.stay)
     past = np.zeros((steps, count, states, chain.dwell))
-    past[0, :, :, last] = np.exp(_begins(chain, chunks)) * evidence[0, :, :, 0]
+    past[0, :, :, last] = np.exp(batch.begins) * evidence[0, :, :, 0]
     for t in range(1, steps):
         here, held = past[t], past[t - 1, :, :, last]
         here[:, :, 1:] = past[t - 1, :, :, :last]
@@ -145,4 +165,4 @@ def posterior(chain: Chain) -> Array:
         here /= here.sum(axis=(1, 2), keepdims=True)
     joint = np.einsum("tksd,tksd->tks", past, future)
     joint /= joint.sum(axis=2, keepdims=True)
-    return chunks.join(joint)
+    return np.asarray(joint)
