@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import pandas as pd
 
@@ -11,7 +11,7 @@ from graphnav import cli
 from graphnav.command import report_failures
 
 QUICK = ("--no-rrd", "--no-report")
-Table = pd.DataFrame
+Table: TypeAlias = pd.DataFrame
 
 
 def command(*args: object) -> int:

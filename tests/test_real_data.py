@@ -63,13 +63,16 @@ def test_kingston_scale_and_clock_are_found(kingston: Path) -> None:
 
 
 def test_kingston_with_outages(tmp_path: Path) -> None:
-    """60 s out of every 180 s without fixes. Asked: a median of 2.5 m at their ends."""
+    """60 s out of every 180 s without fixes. Asked: a median of 2.5 m at their ends.
+
+    Measured 0.7 m; the Kalman filter of tools/peers.py has 7 m.
+    """
     starts = range(120, 3480, 180)
     options = [part for s in starts for part in ("--outage", f"{s}:{s + 60}")]
     result = smoothed("kingston2008", tmp_path / "r", *options)
     ends = [float(s + 60) for s in starts]
     found = errors_at(result, shared("kingston2008").with_name("truth.csv"), ends)
-    assert np.median(found) < 2.5
+    assert np.median(found) < 1.5
     assert max(found) < 15.0
 
 

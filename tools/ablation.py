@@ -53,9 +53,19 @@ FIGURES = {
 def raw(table: Corrections) -> Corrections:
     """No correction: the odometer shows the forward speed in every state, nothing moves aside."""
     straight = table["straight_high"]
-    sigma = {"sigma_forward": straight.sigma_forward, "sigma_lateral": straight.sigma_lateral}
-    plain = {"factor": 1.0, "half_gauge": 0.0, "kappa": 0.0, "use_odometer": True}
-    return held({state: replace(row, **plain, **sigma) for state, row in table.items()})
+
+    def plain(row: Correction) -> Correction:
+        return replace(
+            row,
+            factor=1.0,
+            half_gauge=0.0,
+            kappa=0.0,
+            use_odometer=True,
+            sigma_forward=straight.sigma_forward,
+            sigma_lateral=straight.sigma_lateral,
+        )
+
+    return held({state: plain(row) for state, row in table.items()})
 
 
 def held(table: Corrections) -> Corrections:

@@ -62,7 +62,7 @@ def run_of(options: argparse.Namespace, seed: int) -> Path:
     """The simulated run of a seed, from the cache where it is there."""
     fixes = "gnss" if options.gnss else ""
     words = (options.scenario, options.ground, options.grade, options.duration, fixes, seed)
-    where = options.cache / "_".join(str(word) for word in words if word)
+    where: Path = options.cache / "_".join(str(word) for word in words if word)
     if not (where / "run.csv.gz").exists():
         chosen = {k: getattr(options, k) for k in ("grade", "ground", "duration", "gnss")}
         simulate(options.scenario, where, seed, **chosen)
@@ -95,7 +95,7 @@ def normalised(solved: Solved, table: DataFrame, truth: DataFrame) -> Array:
     at = truth["time"].to_numpy()[once]
 
     def own(name: str) -> Array:
-        return np.interp(at, table["time"], table[name])
+        return np.asarray(np.interp(at, table["time"], table[name]))
 
     pairs = zip(("e", "n"), true[once].T, strict=False)
     return np.stack([(own(name) - there) / own(f"sd_{name}") for name, there in pairs], -1)
