@@ -40,6 +40,8 @@ class Block:
 
     def weighted(self, weight: Array) -> "Block":
         """The same block with every row scaled by the root of its weight (n, r)."""
+        if not self.robust:
+            return self
         root = np.sqrt(weight)
         terms = tuple(replace(t, jacobian=t.jacobian * root[:, :, None]) for t in self.terms)
         return replace(self, residual=self.residual * root, terms=terms)
