@@ -24,6 +24,7 @@ Scales = Mapping[str, float]  # noise found in the data over noise assumed, by "
 States = NDArray[np.str_]
 
 SPARSE_S = 0.6  # an odometer slower than this gives velocities, not displacements
+BOUNDARY_S = 0.3  # by which a change of state is misplaced, gears and ramps included
 DROPPED = 1e6  # sigma of a row that says nothing
 VERTICAL = 0.05  # m/s, suspension and bumps
 YAW_FLOOR, YAW_SHARE = 0.02, 0.1  # m; of the sides' difference that a skidding turn may be off
@@ -86,8 +87,11 @@ def _displacements(
     # pulses come late by up to one: while the vehicle turns that is a step aside
     turn = np.linalg.norm(so3.log(sums.R_mid[on]), axis=1) * 2
     sigma[:, 0] = np.hypot(sigma[:, 0], prep.run.odometer.pulse / np.sqrt(12) * turn)
+    factor = _column(prep, names, "factor")
+    speed = np.linalg.norm(sums.distance[on, :, 1], axis=1) / T
+    sigma[:, 1] = np.hypot(sigma[:, 1], BOUNDARY_S * speed * _change(factor))
     reading = Reading(
-        forward=_column(prep, names, "factor"),
+        forward=factor,
         gauge=_column(prep, names, "half_gauge"),
         lateral=_column(prep, names, "kappa") * prep.vehicle.body.contact_length,
         forward_column=np.array([layout.column(f"forward:{s}") for s in names], np.int64),
@@ -111,6 +115,12 @@ def _displacements(
             time,
         )
     ]
+
+
+def _change(factor: Array) -> Array:
+    """How much the odometer's meaning changes at either end of each interval, (n,)."""
+    step = np.abs(np.diff(factor, prepend=factor[:1], append=factor[-1:]))
+    return np.maximum(step[1:], step[:-1])
 
 
 def _track_width(prep: Prepared, nodes: Nodes, on: Index, at: Estimate, scales: Scales) -> Factor:
