@@ -5,20 +5,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import so3
-from factors.displacement import E_Y
-from factors.preintegration import preintegrate
 from factors.weights import Robust
-from graphnav import reckoning
 from graphnav.densify import Path, densify
 from graphnav.elimination import Covariances, covariances
 from graphnav.estimate import Estimate
+from graphnav.first_path import first_path
 from graphnav.kinematics import kinematics
-from graphnav.motion import sums_of
 from graphnav.motion_states import recognise, with_probabilities
 from graphnav.nodes import INTERVAL_S, Nodes, place_nodes
 from graphnav.noise import rescaled
-from graphnav.odometry import speed_at
 from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
 from graphnav.run import Array
@@ -81,8 +76,7 @@ def smooth(
     """
     told("dead reckoning")
     nodes = _nodes(prep, np.zeros(0))
-    estimate = first_estimate(prep, nodes)
-    path = _densified(prep, nodes, estimate)
+    estimate, path = first_path(prep, nodes)
     reckoned = path
     told("motion states")
     timeline = _recognised(prep, path, estimate, None)
@@ -125,27 +119,6 @@ def smooth(
     )
 
 
-def first_estimate(prep: Prepared, nodes: Nodes) -> Estimate:
-    """Dead reckoning at the nodes with prior calibrations."""
-    layout, start = prep.layout, prep.alignment.start
-    calibration = np.tile(layout.prior, (len(nodes.segment_time), 1))
-    calibration[:, :3] = prep.alignment.gyro_bias
-    pre = preintegrate(prep.inc, nodes.edge, calibration[nodes.segment, :6], prep.noise)
-    R_bm = so3.exp(prep.vehicle.odometer.mount_b)
-    odometer = prep.run.odometer
-    if odometer is None:
-        R, v, p = reckoning.inertial_path(pre, start.R_nb, start.v_n, prep.alignment.origin, R_bm)
-    else:
-        R = reckoning.attitudes(pre, start.R_nb, prep.alignment.origin.Omega_n)
-        speed = speed_at(odometer, nodes.time)
-        v = (R @ R_bm @ E_Y) * speed[:, None]
-        blank = Estimate(R, v, v, np.zeros(len(R)), calibration)
-        sums = sums_of(prep, nodes, pre, blank)
-        ones = np.ones(len(pre.T))
-        p = reckoning.odometer_path(R, sums, R_bm, prep.vehicle.odometer.lever_b, ones)
-    return Estimate(R, v, p + start.p_n, np.zeros(len(R)), calibration)
-
-
 def _nodes(prep: Prepared, boundaries: Array, interval: float = INTERVAL_S) -> Nodes:
     """Nodes at the interval, standstill edges, state boundaries and fixes."""
     edges = prep.inc.edge
@@ -156,11 +129,6 @@ def _nodes(prep: Prepared, boundaries: Array, interval: float = INTERVAL_S) -> N
             slot = np.floor(sensor.time / FIX_SPACING_S)
             extra = np.concatenate([extra, sensor.time[np.unique(slot, return_index=True)[1]]])
     return place_nodes(edges, events, extra, prep.rests, interval)
-
-
-def _densified(prep: Prepared, nodes: Nodes, estimate: Estimate) -> Path:
-    pre = preintegrate(prep.inc, nodes.edge, estimate.calibration[nodes.segment, :6], prep.noise)
-    return densify(prep.inc, pre, nodes, estimate, prep.alignment.origin)
 
 
 def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
