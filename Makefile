@@ -21,7 +21,7 @@ $(STAMP): pyproject.toml
 
 demo: $(STAMP) ## simulate a tracked vehicle and smooth it
 	$(BIN)/graphnav simulate tracked --out demo --seed $(SEED) --duration 900
-	$(BIN)/graphnav smooth demo/run.csv.gz --truth demo/truth.csv.gz
+	$(BIN)/graphnav smooth demo/run.csv.gz --truth demo/truth.csv.gz --report
 	@echo
 	@echo "Look at it:   $(BIN)/graphnav show demo/run_graphnav"
 	@echo "or open       demo/run_graphnav/report.html"

@@ -80,7 +80,7 @@ def cli() -> None:
 @click.option("--gnss/--no-gnss", default=True, help="Ignore every fix, except in the report.")
 @click.option("--csv", is_flag=True, help="Write trajectory.csv too.")
 @click.option("--rrd/--no-rrd", default=True, help="Recording for the rerun viewer.")
-@click.option("--report/--no-report", default=True, help="One-page report.html.")
+@click.option("--report/--no-report", default=False, help="One-page report.html too.")
 def smooth(
     run: Path, vehicle: Path | None, out: Path | None, truth: Path | None, **more: Any
 ) -> None:
@@ -93,7 +93,8 @@ def smooth(
       graphnav smooth run.csv --no-gnss --out results/without
 
     The directory appears at once when all is done, and replaces an earlier result only. It holds
-    trajectory.parquet, states.csv, calibration.json, summary.json, run.rrd and report.html.
+    trajectory.parquet, states.csv, calibration.json, summary.json and run.rrd;
+    `graphnav report RESULT` adds a page to read or print.
     """
     from graphnav.progress import Stages
     from graphnav.writing import check_replaceable, default_out

@@ -59,14 +59,14 @@ def linear_system(blocks: Sequence[Block], chain: Chain) -> gtsam.GaussianFactor
     return gaussian_graph(blocks, chain.keys, chain.calibration_dim)
 
 
-def quick_step(graph: gtsam.GaussianFactorGraph, chain: Chain) -> tuple[Array, Array] | None:
-    """The step by Cholesky elimination, three times as fast as QR; None where it breaks down.
+def quickly(graph: gtsam.GaussianFactorGraph, chain: Chain) -> gtsam.GaussianBayesNet | None:
+    """Elimination by Cholesky, three times as fast as QR; None where it breaks down.
 
-    It squares the condition number: good enough for a step whose cost is checked, not for the
-    covariances.
+    It squares the condition number: good enough for a step whose cost is checked and for the
+    noise of an early round, not for the covariances a user reads.
     """
     try:
-        return step(graph.eliminateSequential(chain.ordering), chain)
+        return graph.eliminateSequential(chain.ordering)
     except RuntimeError:
         return None
 

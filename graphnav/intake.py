@@ -90,6 +90,8 @@ class Distance:
 
     def add_speed(self, time: Array, speed: Array) -> None:
         """Speeds (n,) m/s, integrated by trapezoids."""
+        if not len(time):
+            return
         old = self._tape.rows[-1:]
         t, v = np.append(old[:, 0], time), np.append(old[:, 2], speed)
         step = 0.5 * np.diff(t) * (v[1:] + v[:-1])
@@ -99,6 +101,8 @@ class Distance:
 
     def add_pulses(self, time: Array, pulses: Array, fastest: float) -> None:
         """Counter readings (n,); a step faster than `fastest` m/s is a reset and counts nothing."""
+        if not len(time):
+            return None
         old = self._tape.rows[-1:]
         if not len(old):
             self._tape.push(np.array([time[0], 0.0, 0.0]))

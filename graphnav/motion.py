@@ -25,6 +25,7 @@ States = NDArray[np.str_]
 
 SPARSE_S = 0.6  # an odometer slower than this gives velocities, not displacements
 BOUNDARY_S = 0.3  # by which a change of state is misplaced, gears and ramps included
+REACH_S = 0.1  # beyond its samples an odometer says nothing
 DROPPED = 1e6  # sigma of a row that says nothing
 VERTICAL = 0.05  # m/s, suspension and bumps
 YAW_FLOOR, YAW_SHARE = 0.02, 0.1  # m; of the sides' difference that a skidding turn may be off
@@ -46,7 +47,7 @@ def motion_factors(
     """
     odometer = prep.run.odometer
     if odometer is None or float(np.median(np.diff(odometer.time))) > SPARSE_S:
-        velocities = _velocities(prep, nodes, pre, state, moving, odometer, scales)
+        velocities = _velocities(prep, nodes, pre, state, moving, odometer, at, scales)
         return [velocities, _phase(nodes, 0.0)], {"velocity": driven(prep, state[moving])}
     sums = sums_of(prep, nodes, pre, at)
     begin, end = nodes.time[moving], nodes.time[moving + 1]
@@ -62,13 +63,19 @@ def motion_factors(
 def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> OdometerSums:
     """Odometer sums with the delay and the gyro bias of an estimate."""
     assert prep.run.odometer is not None
-    column = prep.layout.column("delay")
-    delay = float(np.median(at.calibration[:, column])) if column >= 0 else 0.0
+    delay = delay_of(prep, at)
     owner = interval_of_increment(nodes.edge)
     earth = at.R_nb[:-1].transpose(0, 2, 1) @ prep.alignment.origin.Omega_n
     bias = at.calibration[nodes.segment, 2]
     steps = odometer_steps(prep.inc, prep.run.odometer, delay, bias[owner], earth[owner, 2])
     return odometer_sums(prep.inc, pre, nodes.edge, steps, earth)
+
+
+def delay_of(prep: Prepared, at: Estimate) -> float:
+    """Odometer clock minus IMU clock of an estimate, s; what the vehicle file states if held."""
+    column = prep.layout.column("delay")
+    stated = prep.vehicle.odometer.time_offset_s
+    return float(np.median(at.calibration[:, column])) if column >= 0 else stated
 
 
 def _phase(nodes: Nodes, pulse: float) -> Factor:
@@ -127,9 +134,7 @@ def _track_width(prep: Prepared, nodes: Nodes, on: Index, at: Estimate, scales: 
     """Yaw from the two sides of a skid-steered vehicle."""
     sides, layout = prep.run.sides, prep.layout
     assert sides is not None
-    column, late = layout.column("track_width"), 0.0
-    if "delay" in layout.slices:
-        late = float(np.median(at.calibration[:, layout.column("delay")]))
+    column, late = layout.column("track_width"), delay_of(prep, at)
     rate = sides.right - sides.left
     swept = np.concatenate([[0.0], np.cumsum(np.diff(sides.time) * (rate[1:] + rate[:-1]) / 2)])
     difference = np.diff(np.interp(nodes.time + late, sides.time, swept))[on]
@@ -148,6 +153,7 @@ def _velocities(
     state: States,
     moving: Index,
     odometer: Odometer | None,
+    at: Estimate,
     scales: Scales,
 ) -> Factor:
     """Velocity at the end of each moving interval; the forward row only with an odometer."""
@@ -161,12 +167,15 @@ def _velocities(
         speed = np.zeros(len(node))
         sigma[:, 1] = DROPPED
     else:
+        stamp = time + delay_of(prep, at)
         # a counter has no speed of its own: differenced over 0.2 s
-        pulses = odometer.pulse > 0
-        speed = (
-            speed_at(odometer, time) if pulses else np.interp(time, odometer.time, odometer.speed)
-        )
+        if odometer.pulse > 0:
+            speed = speed_at(odometer, stamp)
+        else:
+            speed = np.interp(stamp, odometer.time, odometer.speed)
         speed *= _column(prep, names, "factor")
+        heard = (stamp >= odometer.time[0] - REACH_S) & (stamp <= odometer.time[-1] + REACH_S)
+        sigma[~heard, 1] = DROPPED
     lateral = -_column(prep, names, "kappa") * prep.vehicle.body.contact_length * rate[:, 2]
     return lambda x: [
         velocity(
@@ -189,7 +198,7 @@ def _velocities(
 def driven(prep: Prepared, state: States) -> States:
     """States of intervals that are not wholly at rest: the edges of a stop are driven straight."""
     usual = "straight_high" if prep.vehicle.kind == "tracked" else "moving"
-    return np.where(state == "stop", usual, state)
+    return np.where(np.isin(state, ("stop", "moving")), usual, state)
 
 
 def _column(prep: Prepared, names: States, field: str) -> Array:

@@ -1,10 +1,7 @@
 """`graphnav smooth`: run file and vehicle file in, result directory out. Disk only at both ends."""
 
 import json
-import multiprocessing
-import sys
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -25,8 +22,6 @@ from graphnav.writing import whole_directory
 if TYPE_CHECKING:
     from pandas import DataFrame
 
-    from graphnav.results import Results
-
 
 def smooth(
     run_path: Path,
@@ -37,7 +32,7 @@ def smooth(
     truth: Path | None = None,
     rate_hz: float = 10.0,
     rrd: bool = True,
-    report: bool = True,
+    report: bool = False,
     outages: Sequence[tuple[float, float]] = (),
     use_gnss: bool = True,
     csv: bool = False,
@@ -225,35 +220,22 @@ def _residuals(solved: Solved) -> dict[str, Any]:
 
 
 def _views(directory: Path, rrd: bool, report: bool, told: Stages) -> None:
-    """run.rrd and report.html from the files just written; side by side when both are wanted."""
+    """run.rrd and report.html, from the files just written."""
     if not (rrd or report):
         return
     from graphnav import results
 
     loaded = results.load(directory)
-    told("recording and report" if rrd and report else "recording" if rrd else "report")
-    if rrd and report:
-        fork = multiprocessing.get_context("fork" if sys.platform == "linux" else "spawn")
-        with ProcessPoolExecutor(1, mp_context=fork) as beside:
-            page = beside.submit(_report, loaded, directory)
-            _recording(loaded, directory)
-            page.result()
-    elif rrd:
-        _recording(loaded, directory)
-    else:
-        _report(loaded, directory)
+    if rrd:
+        told("recording")
+        from graphnav import recording
 
+        recording.write(loaded, directory / "run.rrd")
+    if report:
+        told("report")
+        from graphnav import report as page
 
-def _recording(loaded: "Results", directory: Path) -> None:
-    from graphnav import recording
-
-    recording.write(loaded, directory / "run.rrd")
-
-
-def _report(loaded: "Results", directory: Path) -> None:
-    from graphnav import report
-
-    report.write(loaded, directory / "report.html")
+        page.write(loaded, directory / "report.html")
 
 
 def _update_stages(directory: Path, told: Stages) -> None:

@@ -17,7 +17,7 @@ from graphnav.increments import GRID_S, increments
 from graphnav.reckoning import inertial_path
 from graphnav.run import Array, Gnss, Run
 from graphnav.standstill import (
-    STARTS_WITHIN_S,
+    BEGINS_S,
     Mask,
     believable,
     rocking,
@@ -137,7 +137,7 @@ def two_sided(run: Run, vehicle: Vehicle) -> bool:
 
 def standing_start(rests: Array, inc: Increments) -> float:
     """End of a standing start, s; 0 when the run begins on the move."""
-    if len(rests) and rests[0, 0] - inc.edge[0] < STARTS_WITHIN_S:
+    if len(rests) and rests[0, 0] - inc.edge[0] < BEGINS_S:
         start, end = rests[0]
         if end - start >= STANDING_START_S:
             return float(end)

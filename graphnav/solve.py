@@ -8,7 +8,7 @@ import numpy as np
 
 from factors.block import Block
 from factors.weights import Robust
-from graphnav.elimination import Chain, eliminate, linear_system, quick_step, step
+from graphnav.elimination import Chain, eliminate, linear_system, quickly, step
 from graphnav.errors import SolutionError
 from graphnav.estimate import Estimate, finite
 from graphnav.run import Array
@@ -62,24 +62,61 @@ def gauss_newton(
         cost = cost_of(blocks, weights)
         weighted = [b.weighted(w) for b, w in zip(blocks, weights, strict=True)]
         graph = linear_system(weighted, chain)
-        quick = quick_step(graph, chain)
-        taken = quick and _taken(linearise, estimate, quick, weights, cost)
+        attempt = _quick(linearise, estimate, graph, chain, weights, cost)
+        length = np.inf if attempt is None else _length(weighted, attempt.delta)
+        if attempt is None or (length < tolerance and tolerance < ROUGH):
+            attempt = _exact(linearise, estimate, graph, chain, weights, cost)
+            length = _length(weighted, attempt.delta)
         # an early round need not settle: the next one begins where it ends
-        ends = tolerance >= ROUGH and iteration == ROUGH_ITERATIONS
-        if not quick or not taken or ends or _length(weighted, quick) < tolerance:
-            bayes_net = eliminate(graph, chain)
-            exact = step(bayes_net, chain)
-            taken = _descended(linearise, estimate, exact, weights, cost)
-            if ends or _length(weighted, exact) < tolerance:
-                return Solution(*taken, weights, bayes_net, iteration, cost)
-        estimate, blocks = taken
+        if length < tolerance or (tolerance >= ROUGH and iteration == ROUGH_ITERATIONS):
+            return Solution(*attempt.taken, weights, attempt.bayes_net, iteration, cost)
+        estimate, blocks = attempt.taken
         if iteration < HELD_FROM:
             weights = [weights_of(block, robust) for block in blocks]
-    last = float(np.sqrt(_length(weighted, exact if quick is None else quick)))
     raise SolutionError(
-        f"no convergence in {MAX_ITERATIONS} iterations (last step {last:.2g} sigma): "
+        f"no convergence in {MAX_ITERATIONS} iterations (last step {np.sqrt(length):.2g} sigma): "
         + worst(blocks)
     )
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """One step and where it leads."""
+
+    delta: Step
+    taken: tuple[Estimate, list[Block]]
+    bayes_net: gtsam.GaussianBayesNet
+
+
+def _quick(
+    linearise: Linearise,
+    estimate: Estimate,
+    graph: gtsam.GaussianFactorGraph,
+    chain: Chain,
+    weights: list[Array],
+    cost: float,
+) -> _Attempt | None:
+    """The full step by Cholesky; None where it breaks down or the cost would grow."""
+    bayes_net = quickly(graph, chain)
+    if bayes_net is None:
+        return None
+    delta = step(bayes_net, chain)
+    taken = _taken(linearise, estimate, delta, weights, cost)
+    return _Attempt(delta, taken, bayes_net) if taken else None
+
+
+def _exact(
+    linearise: Linearise,
+    estimate: Estimate,
+    graph: gtsam.GaussianFactorGraph,
+    chain: Chain,
+    weights: list[Array],
+    cost: float,
+) -> _Attempt:
+    """The step by QR, shortened while the cost would grow."""
+    bayes_net = eliminate(graph, chain)
+    delta = step(bayes_net, chain)
+    return _Attempt(delta, _descended(linearise, estimate, delta, weights, cost), bayes_net)
 
 
 def _length(weighted: list[Block], delta: Step) -> float:

@@ -13,7 +13,8 @@ Mask = NDArray[np.bool_]
 
 WINDOW_S = 1.0
 SHORTEST_S = 1.0
-STARTS_WITHIN_S = 5.0  # of the run's start: a rest that begins later is no standing start
+BEGINS_S = 0.7  # of the run's start: a rest that begins later is no standing start
+REACH_S = 0.2  # beyond its samples an odometer's silence means nothing
 SPEED_SLACK, SPEED_DRIFT = 0.3, 0.01  # m/s and m/s^2, of a speed reckoned from the IMU alone
 MOST_SLACK = 1.5  # m/s; a speed known worse than this tells no stop from a crawl
 BRAKING_S, BRAKING_SLACK = 2.0, 2.5  # s before a rest, m/s of braking the IMU may miss there
@@ -69,7 +70,7 @@ def believable(rests: Array, time: Array, speed: Array) -> Array:
     kept: list[Array] = []
     for rest in rests:
         if not kept:
-            if rest[0] - time[0] < STARTS_WITHIN_S:
+            if rest[0] - time[0] < BEGINS_S:
                 kept.append(rest)
             continue
         since = float(rest[0] - kept[-1][1])
@@ -159,7 +160,7 @@ def _odometer_silent(inc: Increments, odometer: Odometer) -> Mask:
     distance = np.interp(mid + half, odometer.time, odometer.distance) - np.interp(
         mid - half, odometer.time, odometer.distance
     )
-    covered = (mid >= odometer.time[0] - 2.0) & (mid <= odometer.time[-1] + 2.0)
+    covered = (mid >= odometer.time[0] - REACH_S) & (mid <= odometer.time[-1] + REACH_S)
     # one count may fall at rest (rocking); a noisy speed counts as zero below 5 cm/s
     limit = max(1.01 * odometer.pulse, 0.05 * WINDOW_S)
     return np.asarray(covered & (np.abs(distance) <= limit))

@@ -30,7 +30,7 @@ def tracked(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def result(tracked: Path) -> Path:
     """Its whole result directory."""
-    return smoothed(tracked, "--csv")
+    return smoothed(tracked, "--csv", "--report")
 
 
 def test_every_file_is_there(result: Path) -> None:
