@@ -23,6 +23,7 @@ LOOSE_TILT, LOOSE_HEADING = np.deg2rad(5.0), np.deg2rad(30.0)
 LOOSE_SPEED, LOOSE_POSITION = 30.0, 300.0  # m/s, m
 LEVELLING_S = 20.0
 COMPASS_SD = np.deg2rad(5.0)  # a gyrocompass worse than this is not used
+LATE_FIX_S = 30.0  # a first fix later than this leaves the start to what is stated
 TRAVEL_M = 60.0  # displacement that makes a course
 
 
@@ -41,7 +42,6 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
 
     Raises `InputError` saying what is missing when position or heading cannot be known.
     """
-    gnss = run.gnss
     origin = _origin(run, vehicle)
     standing = still_until > 0
     R_level = _levelled(run, inc, still_until)
@@ -50,10 +50,9 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     R_nb = _turned(R_level, heading)
     bias = rate - R_nb.T @ origin.Omega_n if standing else np.zeros(3)
     limit = 3 * np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600
-    p_sd = LOOSE_POSITION if gnss is not None else vehicle.start.position_sd_m
+    p_0, p_sd = _first_position(run, vehicle, origin, inc)
     v_sd = LOOSE_SPEED
     tilt = LOOSE_TILT
-    p_0 = _first_position(run, origin) if gnss is not None else np.zeros(3)
     start = Start(R_nb, np.zeros(3), p_0, np.repeat([tilt, v_sd, p_sd], 3))
     start.sd[2] = sd
     return Alignment(origin, start, np.clip(bias, -limit, limit), source)
@@ -74,13 +73,25 @@ def _origin(run: Run, vehicle: Vehicle) -> Origin:
     return Origin(np.deg2rad(at.lat), np.deg2rad(at.lon), at.height or 0.0)
 
 
-def _first_position(run: Run, origin: Origin) -> Array:
-    """The first fix in n, m."""
-    gnss = run.gnss
-    assert gnss is not None
-    return origin.local(
+def _first_position(
+    run: Run, vehicle: Vehicle, origin: Origin, inc: Increments
+) -> tuple[Array, float]:
+    """Prior position in n [m] and its sigma: the first fix, or where fixes are late the stated start.
+
+    Fixes from the start on make a stated position needless (and may be told in another datum).
+    """
+    gnss, at = run.gnss, vehicle.start
+    wait = np.inf if gnss is None else float(gnss.time[0] - inc.edge[0])
+    if at.lat is not None and at.lon is not None and wait > LATE_FIX_S:
+        lat, lon = np.deg2rad(at.lat), np.deg2rad(at.lon)
+        height = origin.height if at.height is None else at.height
+        known = origin.local(np.asarray(lat), np.asarray(lon), np.asarray(height))
+        return known, at.position_sd_m
+    assert gnss is not None  # `_origin` has refused a run with neither
+    first = origin.local(
         np.deg2rad(gnss.lat_deg[0]), np.deg2rad(gnss.lon_deg[0]), np.asarray(gnss.height[0])
     )
+    return first, LOOSE_POSITION + LOOSE_SPEED * max(wait, 0.0)
 
 
 def _mean_rate(inc: Increments, until: float) -> Array:

@@ -22,6 +22,8 @@ from graphnav.writing import whole_directory
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+COMPARED_HZ = 10.0  # truth is compared at this rate at least, whatever is written
+
 
 def smooth(
     run_path: Path,
@@ -55,7 +57,8 @@ def smooth(
     columns = trajectory.table(solved, rate_hz)
     with whole_directory(out) as directory:
         told("writing")
-        write(solved, columns, findings, reference, csv, directory, told)
+        comparable = columns if rate_hz >= COMPARED_HZ else trajectory.table(solved, COMPARED_HZ)
+        write(solved, columns, comparable, findings, reference, csv, directory, told)
         _views(directory, rrd, report, told)
         told.done()
         _update_stages(directory, told)
@@ -99,13 +102,17 @@ def solve(
 def write(
     solved: Solved,
     columns: dict[str, Any],
+    comparable: dict[str, Any],
     findings: list[str],
     reference: "DataFrame | None",
     csv: bool,
     directory: Path,
     told: Stages,
 ) -> None:
-    """Every file of the result directory but the views made from them."""
+    """Every file of the result directory but the views made from them.
+
+    `columns` is the trajectory to write, `comparable` the one dense enough to hold against truth.
+    """
     import pandas as pd
 
     table = pd.DataFrame(columns)
@@ -131,7 +138,7 @@ def write(
         from graphnav.compare import compare
 
         told("comparing")
-        comparison = compare(table, reference).as_dict()
+        comparison = compare(pd.DataFrame(comparable), reference).as_dict()
     _write_json(directory / "calibration.json", calibration(solved))
     said = summary(solved, table, findings, len(slips), comparison)
     _write_json(directory / "summary.json", said)
