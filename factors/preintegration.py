@@ -25,6 +25,9 @@ class Increments:
     velocity: Array  # (M, 3) m/s
     position: Array  # (M, 3) m, double integral of specific force inside the increment
     jump: Array  # (M,) m, 1 sigma of the position left unknown by motion inside a sample
+    doubt: Array | None = (
+        None  # (M, 2) rad, m/s: 1 sigma of turn and speed lost in a gap of the data
+    )
 
 
 @dataclass(frozen=True)
@@ -115,7 +118,9 @@ def preintegrate(inc: Increments, nodes: Index, bias: Array, noise: InertialNois
         dv_dba=-A,
         dp_dbg=total(tilt * rest_mid[:, None, None]),
         dp_dba=-total(Cdt * rest_mid[:, None, None]),
-        whitening=_whitening(T, dv / T[:, None], np.sqrt(total(inc.jump**2)), noise),
+        whitening=_whitening(
+            T, dv / T[:, None], np.sqrt(total(inc.jump**2)), _densities(inc, nodes, noise)
+        ),
         C=np.concatenate([C, dR[-1:]]),
         bias=bias,
     )
@@ -131,21 +136,35 @@ class _summer:
         return np.add.reduceat(x, self.first, axis=0)
 
 
-def _whitening(T: Array, f: Array, jump: Array, noise: InertialNoise) -> Array:
+def doubt_of(inc: Increments, nodes: Index) -> Array:
+    """Turn [rad] and speed [m/s] lost in gaps of each interval, one sigma, (n, 2)."""
+    if inc.doubt is None:
+        return np.zeros((len(nodes) - 1, 2))
+    return np.sqrt(np.add.reduceat(inc.doubt**2, nodes[:-1], axis=0))
+
+
+def _densities(inc: Increments, nodes: Index, noise: InertialNoise) -> tuple[Array, Array]:
+    """Squared noise densities of gyro and accelerometer in each interval, gaps spread over it."""
+    lost = doubt_of(inc, nodes) ** 2 / np.diff(inc.edge[nodes])[:, None]
+    return noise.gyro**2 + lost[:, 0], noise.accel**2 + lost[:, 1]
+
+
+def _whitening(T: Array, f: Array, jump: Array, density: tuple[Array, Array]) -> Array:
     """Inverse Cholesky factor of the covariance of [theta, v, p] after T, in the frame of node i.
 
-    With w a Wiener process of angle and f the mean specific force, theta = w(T),
-    v = -[f]x int w + white, p = -[f]x iint w + int white; the moments of w are exact.
+    `density` (n,) each: squared noise of gyro and accelerometer. With w a Wiener process of angle
+    and f the mean specific force, theta = w(T), v = -[f]x int w + white, p = -[f]x iint w +
+    int white; the moments of w are exact.
     """
     n = len(T)
     F = -so3.skew(f)
     Ft = so3.transpose(F)
     eye = np.eye(3)
-    g2, a2 = noise.gyro**2, noise.accel**2
 
     def c(x: Array) -> Array:
         return x[:, None, None]
 
+    g2, a2 = c(density[0]), c(density[1])
     cov = np.empty((n, 9, 9))
     cov[:, 0:3, 0:3] = g2 * c(T) * eye
     cov[:, 3:6, 0:3] = g2 * c(T**2 / 2) * F

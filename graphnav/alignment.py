@@ -76,7 +76,7 @@ def _origin(run: Run, vehicle: Vehicle) -> Origin:
 def _first_position(
     run: Run, vehicle: Vehicle, origin: Origin, inc: Increments
 ) -> tuple[Array, float]:
-    """Prior position in n [m] and its sigma: the first fix, or where fixes are late the stated start.
+    """Prior position in n [m] and its sigma: the first fix; where fixes are late, what is stated.
 
     Fixes from the start on make a stated position needless (and may be told in another datum).
     """

@@ -8,6 +8,8 @@ further than the usual two-sample formula: a tenth of its error under vibration 
 sampling rate.
 """
 
+from dataclasses import replace
+
 import numpy as np
 
 from factors import so3
@@ -15,6 +17,8 @@ from factors.block import Index
 from factors.preintegration import Increments
 from graphnav.run import Array, Imu
 
+GAP_FACTOR, GAP_S = 3.0, 0.1  # of the usual interval, and s: a longer sample stands for a gap
+USUAL_RATE, USUAL_FORCE = 0.02, 0.5  # rad/s, m/s^2
 GRID_S = 0.05  # duration of an increment the grouping aims at
 
 
@@ -37,10 +41,28 @@ def increments(imu: Imu, grid_s: float = GRID_S) -> Increments:
     change = np.diff(u, axis=0, prepend=u[:1])
     jump = np.sqrt(np.einsum("ij,ij->i", change, change) / 12) * dt
 
+    doubt = _gap_doubt(imu)
     size = max(1, round(grid_s / float(np.median(dt))))
     first = np.arange(0, len(dt), size)
     edge = np.concatenate([imu.time[:1] - dt[:1], imu.time])[np.append(first, len(dt))]
-    return _compound(theta, v, p, dt, jump, first, edge)
+    whole = _compound(theta, v, p, dt, jump, first, edge)
+    return replace(whole, doubt=np.sqrt(np.add.reduceat(doubt**2, first, axis=0)))
+
+
+def _gap_doubt(imu: Imu) -> Array:
+    """Turn [rad] and speed [m/s] a sample that stands for a gap may miss, one sigma, (N, 2).
+
+    The rate and force are held over the gap; what they do meanwhile may change by half of what they
+    are or of what they are found changed by, and by a driver's usual at least.
+    """
+    dt = imu.dt
+    gap = (dt > GAP_FACTOR * np.median(dt)) & (dt > GAP_S)
+    out = np.zeros((len(dt), 2))
+    for column, values, least in ((0, imu.gyro, USUAL_RATE), (1, imu.accel, USUAL_FORCE)):
+        change = np.linalg.norm(np.diff(values, axis=0, prepend=values[:1]), axis=1)
+        own = np.linalg.norm(values, axis=1) if column == 0 else 0.0
+        out[:, column] = 0.5 * np.maximum(np.maximum(change, own), least) * dt
+    return np.where(gap[:, None], out, 0.0)
 
 
 def _slope(x: Array) -> Array:

@@ -9,7 +9,7 @@ from factors import so3
 from factors.block import Block, Index
 from factors.displacement import Correction as Reading
 from factors.displacement import OdometerSums, displacement, phase_prior
-from factors.preintegration import Preintegrated, interval_of_increment
+from factors.preintegration import Preintegrated, doubt_of, interval_of_increment
 from factors.track_width import track_width
 from factors.velocity import velocity
 from graphnav import calibrations
@@ -96,6 +96,9 @@ def _displacements(
     sigma[:, 0] = np.hypot(sigma[:, 0], prep.run.odometer.pulse / np.sqrt(12) * turn)
     factor = _column(prep, names, "factor")
     speed = np.linalg.norm(sums.distance[on, :, 1], axis=1) / T
+    # across a gap of the IMU nobody knows where the odometer's way led
+    astray = speed * T * np.minimum(doubt_of(prep.inc, nodes.edge)[on, 0], 1.0)
+    sigma = np.hypot(sigma, astray[:, None])
     sigma[:, 1] = np.hypot(sigma[:, 1], BOUNDARY_S * speed * _change(factor))
     reading = Reading(
         forward=factor,
