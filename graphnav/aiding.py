@@ -5,11 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from graphnav.earth import Origin
+from graphnav.nodes import FIX_SPACING_S
 from graphnav.problem import FIX_REACH_S
 from graphnav.run import Array, ExternalHeading, Gnss
 from graphnav.tape import Tape
-
-FIX_SPACING_S = 0.45  # at least, between fixes that make nodes
 
 
 @dataclass(frozen=True)

@@ -34,6 +34,7 @@ class VehicleParams:
     track_gauge: float = 2.80  # B, m
     contact_length: float = 3.84  # L, m
     low_gear_ratio: float = 1.42
+    max_turn: float = 0.6  # delta_phi_max of A16, rad in 1 s; a pivot turns 0.4
     two_sided: bool = False  # both sides measured: the odometer is their mean (skid steer)
 
 

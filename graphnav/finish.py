@@ -3,7 +3,6 @@
 import numpy as np
 
 from factors import so3
-from graphnav.densify import densify
 from graphnav.kinematics import kinematics
 from graphnav.learnt import calibrated, verdicts
 from graphnav.motion import driven
@@ -24,7 +23,7 @@ def finish(smoothed: Smoothed) -> Solved:
         run=prep.recorded,
         vehicle=prep.vehicle,
         origin=origin,
-        path=densify(prep.inc, problem.pre, problem.nodes, estimate, origin),
+        path=smoothed.path,
         R_bm=R_bm,
         node_time=problem.nodes.time,
         node_covariance=smoothed.covariances.nodes[:, :9, :9],

@@ -4,7 +4,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graphnav.calibrations import DEG_H, MG
-from graphnav.nodes import Nodes
 from graphnav.run import Array
 from graphnav.smoother import Smoothed
 from graphnav.solved import Calibrated
@@ -33,7 +32,7 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
                 unit=unit,
                 components=parts,
                 constant=constant,
-                time=_times(nodes)[rows],
+                time=nodes.segment_time[rows],
                 value=one + chain[rows][:, columns] / per,
                 sd=sd[rows][:, columns] / per,
                 prior=one + layout.prior[columns] / per,
@@ -76,10 +75,6 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
             [layout.column("lateral:" + s) for s in laterals[0].components],
             prep.vehicle.body.contact_length)  # fmt: skip
     return out
-
-
-def _times(nodes: Nodes) -> Array:
-    return nodes.segment_time
 
 
 def verdicts(found: list[Calibrated], smoothed: Smoothed) -> list[str]:

@@ -9,6 +9,7 @@ from factors.block import Index
 from graphnav.run import Array
 
 INTERVAL_S = 1.0
+FIX_SPACING_S = 0.45  # at least, between fixes that make nodes
 REST_INTERVAL_S = 10.0  # nodes inside a standstill: rocking is bounded, so few and long intervals
 CLOSEST_S = 0.25  # a grid node this close to an event gives way
 SEGMENT_S = 10.0  # length of a calibration segment

@@ -127,7 +127,10 @@ def params(vehicle: Vehicle, two_sided: bool = False) -> VehicleParams:
     """What state recognition must know of the vehicle."""
     body = vehicle.body
     ratio = body.low_gear_ratio or (1.0 if two_sided else LOW_GEAR_RATIO)
-    return VehicleParams(vehicle.kind, body.track_gauge, body.contact_length, ratio, two_sided)
+    limit = float(np.deg2rad(body.max_turn_deg))
+    return VehicleParams(
+        vehicle.kind, body.track_gauge, body.contact_length, ratio, limit, two_sided
+    )
 
 
 def two_sided(run: Run, vehicle: Vehicle) -> bool:

@@ -12,7 +12,7 @@ from graphnav.estimate import Estimate
 from graphnav.first_path import first_path
 from graphnav.kinematics import kinematics
 from graphnav.motion_states import recognise, with_probabilities
-from graphnav.nodes import INTERVAL_S, Nodes, place_nodes
+from graphnav.nodes import FIX_SPACING_S, INTERVAL_S, Nodes, place_nodes
 from graphnav.noise import rescaled
 from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
@@ -23,7 +23,6 @@ from graphnav.timeline import Timeline, disagreement, timeline_from_states
 MIN_ROUNDS, MAX_ROUNDS = 3, 5
 FIRST_INTERVAL_S = 2.0  # the first round only has to be near enough for the states
 SAME_TIMELINE = 0.002  # share of time that may still change its state
-FIX_SPACING_S = 0.45
 
 Weights = Mapping[str, Robust]
 FIRST = {

@@ -25,7 +25,6 @@ R_MAX = 50.0  # B; straighter than this is straight (A6); separated turns reach 
 R_ENDLESS = 1000.0  # B; radii are capped here
 R_PIVOT = 0.25  # B; half the theoretical pivot radius (A8)
 GROUND_SPREAD = 0.15  # of the radius: soil against concrete, 5-15 %
-HEADING_CHANGE_MAX = 0.6  # rad in one filter period of 1 s (A16): a pivot turns 0.4
 WEAVE = 0.005  # rad/s of steering about a straight line, not a turn
 CORRELATION = 0.6  # s; evidence of neighbouring steps counts once per this time
 OUTLIER = -6.0  # log likelihood ratio at which a disagreeing witness is no longer believed
@@ -63,6 +62,7 @@ class StateModel:
     farthest: float  # B
     spread: float  # 1 sigma of v_y / v_o about its factor, relative
     fastest: float  # m/s of v_o, above which the state is not driven
+    largest_turn: float  # rad in one filter period of 1 s, beyond which it is `turn_large` (A16)
 
 
 # nearest and farthest |rho| [B], spread of v_y / v_o, fastest v_o [m/s]
@@ -86,7 +86,7 @@ def state_models(vehicle: VehicleParams, table: dict[str, Correction]) -> tuple[
     """The states this vehicle can be in; low ones only where the gear ratio tells them apart."""
     has_low_gear = vehicle.low_gear_ratio > 1.1
     return tuple(
-        StateModel(row, *BANDS[row.state])
+        StateModel(row, *BANDS[row.state], vehicle.max_turn)
         for row in table.values()
         if has_low_gear or not row.low_gear
     )
@@ -190,8 +190,7 @@ def _share_inside(place: Array, nearest: float, farthest: float, blur: Array) ->
 
 def _rest(moments: Moments, model: StateModel) -> Array:
     """Zero-velocity detector, and the heading change of A16 that overrules every other state."""
-    sd = 0.1 * HEADING_CHANGE_MAX
-    beyond = (moments.turned - HEADING_CHANGE_MAX) / sd
+    beyond = (moments.turned - model.largest_turn) / (0.1 * model.largest_turn)
     is_large = model.correction.state == "turn_large"
     size: Array = np.maximum(log_ndtr(beyond if is_large else -beyond), 4 * OUTLIER)
     if model.correction.state != "stop":

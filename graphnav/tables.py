@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 RECKONED_HZ = 2.0
-ROUND = 9
 
 
 def states(solved: Solved) -> "DataFrame":

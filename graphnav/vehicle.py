@@ -78,7 +78,7 @@ class Body(Section):
         "odometer over ground speed in low gear; 1: none (1.42, or 1 with two side speeds)"
     )
     max_turn_deg: Positive = key("heading change over 1 s beyond which tracks tell nothing",
-                                 "deg", 45.0)  # fmt: skip
+                                 "deg", 34.4)  # fmt: skip
 
 
 class Odometer(Section):
