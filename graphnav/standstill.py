@@ -30,9 +30,11 @@ def standing(inc: Increments, odometer: Odometer | None) -> Mask:
     an odometer that reads zero while the vehicle creeps is thus overruled by the IMU.
     """
     shake, turn, slow, silent = quietness(inc, odometer)
+    unheard = (shake < QUIET_FORCE) & (turn < QUIET_RATE) & slow
     if odometer is None:
-        quiet = (shake < QUIET_FORCE) & (turn < QUIET_RATE) & slow
+        quiet = unheard
     else:
+        silent = silent | _before_the_odometer(inc, odometer, unheard)
         if not silent.any():
             return silent
         quiet = silent & (shake < 4 * np.median(shake[silent]) + 1e-3)
@@ -40,6 +42,13 @@ def standing(inc: Increments, odometer: Odometer | None) -> Mask:
         found = spans(_long_enough(quiet, np.diff(inc.edge)), inc.edge)
         quiet &= within(inc, braked(found, inc, odometer))
     return _long_enough(quiet, np.diff(inc.edge))
+
+
+def _before_the_odometer(inc: Increments, odometer: Odometer, quiet: Mask) -> Mask:
+    """A quiet beginning of the run, over before the odometer is heard: a standing start."""
+    early = inc.edge[1:] < odometer.time[0] - REACH_S
+    begun = np.logical_and.accumulate(quiet & early)
+    return np.asarray(begun & (begun.sum() * np.diff(inc.edge).mean() > SHORTEST_S))
 
 
 def quietness(inc: Increments, odometer: Odometer | None) -> tuple[Array, Array, Mask, Mask]:

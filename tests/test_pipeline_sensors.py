@@ -32,6 +32,13 @@ def blanked(column: str, start: float, end: float) -> Callable[[Table], Table]:
     return lambda t: t.assign(**{column: t[column].where((t["time"] < start) | (t["time"] > end))})
 
 
+def imu_blanked(table: Table, start: float, end: float) -> Table:
+    """No inertial samples between two times."""
+    inside = table["time"].between(start, end)
+    sensors = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
+    return table.assign(**{name: table[name].where(~inside) for name in sensors})
+
+
 def test_a_car_slides_and_stays_on_its_path(car: Path) -> None:
     """MEMS IMU, no fixes; the slip of 5 m/s at 400 s would alone throw it 12 m aside."""
     result = smoothed(car, *QUICK)
@@ -70,6 +77,8 @@ def test_driving_backwards(car: Path, tmp_path: Path) -> None:
         ("odometer silent for 30 s", blanked("odo_speed", 200, 230), 10.0),
         ("odometer stuck at zero for 20 s", None, 15.0),
         ("one speed a second", lambda t: t.assign(odo_speed=t["odo_speed"][99::100]), 10.0),
+        ("odometer from 120 s on only", blanked("odo_speed", -1, 120), 30.0),
+        ("IMU silent for 3 s", lambda t: imu_blanked(t, 250, 253), 20.0),
         ("no odometer at all", lambda t: t.drop(columns="odo_speed"), 15.0),
     ],
 )
