@@ -24,6 +24,7 @@ from graphnav import trajectory
 from graphnav.compare import compare
 from graphnav.corrections import Correction, correction_table
 from graphnav.densify import Path as Motion
+from graphnav.densify import densify
 from graphnav.earth import Origin
 from graphnav.elimination import covariances
 from graphnav.errors import GraphnavError, InputError
@@ -83,8 +84,15 @@ def least_squares(prep: Prepared, reference: Smoothed) -> Smoothed:
     problem = build(prep, nodes, reference.timeline, at, {})
     solution = gauss_newton(problem.linearise, at, problem.chain, {})
     found = covariances(solution.bayes_net, problem.chain)
+    path = densify(prep.inc, problem.pre, problem.nodes, solution.estimate, prep.alignment.origin)
     return replace(
-        reference, prep=prep, problem=problem, solution=solution, covariances=found, scales={}
+        reference,
+        prep=prep,
+        problem=problem,
+        solution=solution,
+        covariances=found,
+        scales={},
+        path=path,
     )
 
 
