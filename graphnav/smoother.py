@@ -109,7 +109,7 @@ def smooth(
             timeline = again
         scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
     told("state probabilities")
-    if prep.vehicle.kind == "tracked" and prep.run.odometer is not None:
+    if _has_gears(prep):
         timeline = with_probabilities(
             timeline, kinematics(prep, path, estimate, nodes), prep.params
         )
@@ -144,9 +144,14 @@ def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
     return Estimate(path.R_nb[at], path.v_n[at], path.p_n[at], phase, calibration)
 
 
+def _has_gears(prep: Prepared) -> bool:
+    """Whether there are more motion states to tell than stop and moving."""
+    return prep.vehicle.kind == "tracked" and prep.run.odometer is not None
+
+
 def _recognised(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None) -> Timeline:
     """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
-    if prep.vehicle.kind != "tracked" or prep.run.odometer is None:
+    if not _has_gears(prep):
         mid = 0.5 * (path.time[1:] + path.time[:-1])
         state = np.where(prep.still, "stop", "moving")
         timeline = timeline_from_states(mid, state)

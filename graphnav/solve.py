@@ -59,17 +59,17 @@ def gauss_newton(
     blocks = linearise(estimate)
     weights = [weights_of(block, robust) for block in blocks]
     for iteration in range(1, MAX_ITERATIONS + 1):
-        cost = cost_of(blocks, weights)
+        here = _Here(linearise, estimate, weights, cost_of(blocks, weights))
         weighted = [b.weighted(w) for b, w in zip(blocks, weights, strict=True)]
         graph = linear_system(weighted, chain)
-        attempt = _quick(linearise, estimate, graph, chain, weights, cost)
+        attempt = _quick(here, graph, chain)
         length = np.inf if attempt is None else _length(weighted, attempt.delta)
         if attempt is None or (length < tolerance and tolerance < ROUGH):
-            attempt = _exact(linearise, estimate, graph, chain, weights, cost)
+            attempt = _exact(here, graph, chain)
             length = _length(weighted, attempt.delta)
         # an early round need not settle: the next one begins where it ends
         if length < tolerance or (tolerance >= ROUGH and iteration == ROUGH_ITERATIONS):
-            return Solution(*attempt.taken, weights, attempt.bayes_net, iteration, cost)
+            return Solution(*attempt.taken, weights, attempt.bayes_net, iteration, here.cost)
         estimate, blocks = attempt.taken
         if iteration < HELD_FROM:
             weights = [weights_of(block, robust) for block in blocks]
@@ -77,6 +77,25 @@ def gauss_newton(
         f"no convergence in {MAX_ITERATIONS} iterations (last step {np.sqrt(length):.2g} sigma): "
         + worst(blocks)
     )
+
+
+@dataclass(frozen=True)
+class _Here:
+    """Where a step starts: the estimate, the weights held for the step and the cost."""
+
+    linearise: Linearise
+    estimate: Estimate
+    weights: list[Array]
+    cost: float
+
+    def moved(self, delta: Step) -> tuple[Estimate, list[Block]] | None:
+        """Estimate and blocks after a step; None when the cost grows."""
+        trial = self.estimate.retract(*delta)
+        if not finite(trial):
+            return None
+        blocks = self.linearise(trial)
+        limit = self.cost * (1 + 1e-6) + 1e-3
+        return (trial, blocks) if cost_of(blocks, self.weights) <= limit else None
 
 
 @dataclass(frozen=True)
@@ -88,64 +107,32 @@ class _Attempt:
     bayes_net: gtsam.GaussianBayesNet
 
 
-def _quick(
-    linearise: Linearise,
-    estimate: Estimate,
-    graph: gtsam.GaussianFactorGraph,
-    chain: Chain,
-    weights: list[Array],
-    cost: float,
-) -> _Attempt | None:
+def _quick(here: _Here, graph: gtsam.GaussianFactorGraph, chain: Chain) -> _Attempt | None:
     """The full step by Cholesky; None where it breaks down or the cost would grow."""
     bayes_net = quickly(graph, chain)
     if bayes_net is None:
         return None
     delta = step(bayes_net, chain)
-    taken = _taken(linearise, estimate, delta, weights, cost)
+    taken = here.moved(delta)
     return _Attempt(delta, taken, bayes_net) if taken else None
 
 
-def _exact(
-    linearise: Linearise,
-    estimate: Estimate,
-    graph: gtsam.GaussianFactorGraph,
-    chain: Chain,
-    weights: list[Array],
-    cost: float,
-) -> _Attempt:
-    """The step by QR, shortened while the cost would grow."""
+def _exact(here: _Here, graph: gtsam.GaussianFactorGraph, chain: Chain) -> _Attempt:
+    """The step by QR, or a half, quarter ... of it while the cost would grow."""
     bayes_net = eliminate(graph, chain)
     delta = step(bayes_net, chain)
-    return _Attempt(delta, _descended(linearise, estimate, delta, weights, cost), bayes_net)
+    for halving in range(6):
+        part = (0.5**halving * delta[0], 0.5**halving * delta[1])
+        taken = here.moved(part)
+        if taken:
+            return _Attempt(delta, taken, bayes_net)
+    trial = here.estimate.retract(*part)
+    return _Attempt(delta, (trial, here.linearise(trial)), bayes_net)
 
 
 def _length(weighted: list[Block], delta: Step) -> float:
     """Squared length of a step in standard deviations, `d^T H d`."""
     return sum(float(np.sum(block.change(*delta) ** 2)) for block in weighted)
-
-
-def _taken(
-    linearise: Linearise, estimate: Estimate, delta: Step, weights: list[Array], cost: float
-) -> tuple[Estimate, list[Block]] | None:
-    """Estimate and blocks after a step; None when the cost grows."""
-    trial = estimate.retract(*delta)
-    if not finite(trial):
-        return None
-    blocks = linearise(trial)
-    return (trial, blocks) if cost_of(blocks, weights) <= cost * (1 + 1e-6) + 1e-3 else None
-
-
-def _descended(
-    linearise: Linearise, estimate: Estimate, delta: Step, weights: list[Array], cost: float
-) -> tuple[Estimate, list[Block]]:
-    """The step taken, or a half, quarter ... of it while the cost would grow."""
-    for halving in range(6):
-        part = (0.5**halving * delta[0], 0.5**halving * delta[1])
-        taken = _taken(linearise, estimate, part, weights, cost)
-        if taken:
-            return taken
-    trial = estimate.retract(*part)
-    return trial, linearise(trial)
 
 
 def worst(blocks: list[Block]) -> str:
