@@ -125,7 +125,7 @@ def displacement(
     turned = so3.mv(sums.turn, ex)
     # vectors in the frame of node i, turned into the vehicle frame at mid-interval at the end
     D = gain[:, None] * travel - correction.gauge[:, None] * so3.mv(sums.turn_abs, ey)
-    D = D - so3.mv(sideways, ex) + np.cross(swerve, c[:, 0:3] - sums.bias)
+    D = D - so3.mv(sideways, ex) + so3.cross(swerve, c[:, 0:3] - sums.bias)
     R_i, R_j = R[node], R[node + 1]
     R_ij = so3.transpose(R_i) @ R_j
     moved = so3.mtv(R_i, p[node + 1] - p[node])

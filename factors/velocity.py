@@ -38,7 +38,7 @@ def velocity(
     R_mb = so3.transpose(mount.R_bm)
     lever = c[:, columns.lever : columns.lever + 3]
     v_b = so3.mtv(R[node], v[node])
-    v_m = so3.mv(R_mb, v_b + np.cross(rate_b, lever))
+    v_m = so3.mv(R_mb, v_b + so3.cross(rate_b, lever))
     r = v_m - ((1 + c[:, columns.scale]) * speed)[:, None] * E_Y
     r[:, 0] -= lateral
 

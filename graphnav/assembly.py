@@ -1,87 +1,145 @@
-"""Blocks stacked by interval: one dense factor each, so that GTSAM is called once a second.
+"""Blocks gathered by interval: one dense linear factor each, so that GTSAM is called once a second.
 
 Every vehicle factor touches at most two neighbouring nodes and one calibration vector. All rows of
 one interval therefore fit one `[A_i A_j A_c | b]`, filled by numpy for the whole run at once.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import pairwise
 
 import gtsam
 import numpy as np
+from numpy.typing import NDArray
 
-from factors.block import NODE_DIM, Array, Block, Index
+from factors import so3
+from factors.block import NODE_DIM, ROTATION, Array, Block, Index
+from factors.weights import Robust
+
+NODE_I, NODE_J = slice(0, NODE_DIM), slice(NODE_DIM, 2 * NODE_DIM)
+CALIBRATION = slice(2 * NODE_DIM, None)
+INERTIAL = 9  # rows of the inertial factor, an interval's first
 
 
 @dataclass(frozen=True)
-class Keys:
-    """GTSAM keys of nodes and calibration segments, and the segment of each interval."""
+class Rows:
+    """Whitened rows `A_i dx_i + A_j dx_j + A_c dc = b` of W consecutive intervals, one after the
+    other; those of the inertial factor first in each.
+    """
 
-    x: list[int]
-    c: list[int]
-    segment: Index  # (N - 1,)
+    A: Array  # (R, 10 + 10 + dim)
+    b: Array  # (R,)
+    start: Index  # (W + 1,) first row of each interval
+    doubt: NDArray[np.int8]  # (R,) which of `robust` weighs a row, 0 for none
+    robust: tuple[Robust, ...] = ()  # number 1, 2 ...
+
+    @property
+    def interval(self) -> Index:
+        """Of each row, (R,)."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+    def between(self, first: int, end: int) -> "Rows":
+        """Those of intervals `first` to `end - 1`."""
+        on = slice(int(self.start[first]), int(self.start[end]))
+        start = self.start[first : end + 1] - self.start[first]
+        return Rows(self.A[on], self.b[on], start, self.doubt[on], self.robust)
+
+    def weighted(self, residual: Array) -> "Rows":
+        """Robust rows scaled by the root of their weight at whitened residuals (R,)."""
+        root = np.ones_like(self.b)
+        for k, robust in enumerate(self.robust, start=1):
+            on = self.doubt == k
+            root[on] = np.sqrt(robust.weight(residual[on]))
+        return replace(self, A=self.A * root[:, None], b=self.b * root)
+
+    def predicted(self, x: Array, c: Array) -> Array:
+        """Residuals (R,) of a single interval with node i at `x` (10,), calibration at `c` (dim,)
+        and node j where the inertial rows put it.
+        """
+        r = self.A[:, NODE_I] @ x + self.A[:, CALIBRATION] @ c - self.b
+        A_j = self.A[:, NODE_DIM : NODE_DIM + INERTIAL]
+        return np.asarray(r + A_j @ np.linalg.solve(A_j[:INERTIAL], -r[:INERTIAL]))
+
+    def in_base(self, x: Array, c: Array) -> "Rows":
+        """Told as error states about the base, linearised at `x` (W + 1, 10) and `c` (W, dim)."""
+        A, i = self.A.copy(), self.interval
+        Jr = so3.right_jacobian(x[:, ROTATION])
+        for node, at in ((NODE_I, i), (NODE_J, i + 1)):
+            on = slice(node.start, node.start + ROTATION.stop)
+            A[:, on] = np.einsum("rk,rkl->rl", A[:, on], Jr[at])
+        there = np.concatenate([x[i], x[i + 1], c[i]], axis=1)
+        return replace(self, A=A, b=self.b + np.einsum("rk,rk->r", A, there))
+
+    def in_unit(self, unit_c: Array) -> "Rows":
+        """Calibration errors told in units (dim,)."""
+        A = self.A.copy()
+        A[:, CALIBRATION] *= unit_c
+        return replace(self, A=A)
+
+    def factors(self, x: Sequence[int], c: Sequence[int]) -> Iterator[gtsam.JacobianFactor]:
+        """One factor per interval; keys of nodes (W + 1) and, of each interval, of the calibration
+        in force (W).
+        """
+        first, second, third = self.A[:, NODE_I], self.A[:, NODE_J], self.A[:, CALIBRATION]
+        bounds = self.start.tolist()
+        for k, (lo, hi) in enumerate(pairwise(bounds)):
+            parts = x[k], first[lo:hi], x[k + 1], second[lo:hi], c[k], third[lo:hi]
+            yield gtsam.JacobianFactor(*parts, self.b[lo:hi], _unit(hi - lo))
 
 
-def gaussian_graph(blocks: Sequence[Block], keys: Keys, dim: int) -> gtsam.GaussianFactorGraph:
-    """The linear system of all blocks; `dim` is the calibration vector's length."""
-    graph = gtsam.GaussianFactorGraph()
+def stacked(
+    blocks: Sequence[Block],
+    intervals: int,
+    dim: int,
+    robust: Mapping[str, Robust] | None = None,
+    begins: bool = True,
+) -> Rows:
+    """Rows of all blocks over nodes numbered from 0; `dim` is the calibration vector's length.
+
+    A row belongs to the interval that ends at its later node. Rows on node 0 alone belong to the
+    first when the run `begins` here, else to the interval before and are left out; those on
+    calibrations alone are left out. Kinds in `robust` keep their weight open.
+    """
     on_nodes = [b for b in blocks if len(b.time) and b.terms[0].family == "x"]
-    for block in blocks:
-        if len(block.time) and block.terms[0].family == "c":
-            for factor in block.jacobian_factors():
-                graph.add(factor)
-    if on_nodes:
-        _add_intervals(graph, on_nodes, keys, dim)
-    return graph
-
-
-def _add_intervals(
-    graph: gtsam.GaussianFactorGraph, blocks: Sequence[Block], keys: Keys, dim: int
-) -> None:
-    """One factor an interval; a factor on the last node alone joins the last interval."""
-    A, b, start = _stacked(blocks, len(keys.x) - 1, dim)
-    rows = np.unique(np.diff(start))
-    models = {int(r): gtsam.noiseModel.Unit.Create(int(r)) for r in rows}
-    first, second, third = A[:, :NODE_DIM], A[:, NODE_DIM : 2 * NODE_DIM], A[:, 2 * NODE_DIM :]
-    bounds = start.tolist()
-    for i, c in enumerate(keys.segment.tolist()):
-        lo, hi = bounds[i], bounds[i + 1]
-        if hi > lo:
-            x_i, x_j, model = keys.x[i], keys.x[i + 1], models[hi - lo]
-            parts = x_i, first[lo:hi], x_j, second[lo:hi], keys.c[c], third[lo:hi]
-            graph.add(gtsam.JacobianFactor(*parts, b[lo:hi], model))
-
-
-def _stacked(blocks: Sequence[Block], intervals: int, dim: int) -> tuple[Array, Array, Index]:
-    """Rows of all blocks in order of interval: `[A_i A_j A_c]`, b, and where each one begins."""
-    home = [np.minimum(_first_node(b), intervals - 1) for b in blocks]
-    rows = [b.residual.shape[1] for b in blocks]
+    on_nodes.sort(key=lambda b: b.kind != "inertial")
+    picks = [_owner(block, begins) for block in on_nodes]
     count = np.zeros(intervals, np.int64)
-    for at, r in zip(home, rows, strict=True):
-        np.add.at(count, at, r)
+    for block, (_, owner) in zip(on_nodes, picks, strict=True):
+        count += np.bincount(owner, minlength=intervals) * block.residual.shape[1]
     start = np.concatenate([[0], np.cumsum(count)])
-    A = np.zeros((start[-1], 2 * NODE_DIM + dim))
-    b = np.empty(start[-1])
+    A, b = np.zeros((start[-1], 2 * NODE_DIM + dim)), np.empty(start[-1])
+    doubt = np.zeros(start[-1], np.int8)
+    doubted: list[Robust] = []
     used = start[:-1].copy()
-    for block, at, r in zip(blocks, home, rows, strict=True):
-        n = len(at)
-        # several factors of one kind may share an interval (the last one): they queue up
-        order = (
-            np.arange(n) - np.searchsorted(at, at)
-            if np.any(np.diff(at) == 0)
-            else np.zeros(n, np.int64)
-        )
-        row = used[at][:, None] + order[:, None] * r + np.arange(r)
-        np.add.at(used, at, r)
-        b[row] = -block.residual
+    for block, (on, owner) in zip(on_nodes, picks, strict=True):
+        size = block.residual.shape[1]
+        # several factors of one kind may share an interval: they queue up
+        turn = np.arange(len(owner)) - np.searchsorted(owner, owner)
+        row = (used[owner] + turn * size)[:, None] + np.arange(size)
+        used += np.bincount(owner, minlength=intervals) * size
+        b[row] = -block.residual[on]
+        if block.robust and robust and block.kind in robust:
+            doubted.append(robust[block.kind])
+            doubt[row] = len(doubted)
         for term in block.terms:
             if term.family == "c":
-                A[row, 2 * NODE_DIM :] = term.jacobian
+                A[row, CALIBRATION] = term.jacobian[on]
             else:
-                column = (term.index - at) * NODE_DIM
-                A[row[:, :, None], column[:, None, None] + np.arange(NODE_DIM)] = term.jacobian
-    return A, b, start
+                column = (term.index[on] - owner) * NODE_DIM
+                A[row[:, :, None], column[:, None, None] + np.arange(NODE_DIM)] = term.jacobian[on]
+    return Rows(A, b, start, doubt, tuple(doubted))
 
 
-def _first_node(block: Block) -> Index:
-    return np.asarray(np.min([t.index for t in block.terms if t.family == "x"], axis=0))
+@cache
+def _unit(rows: int) -> gtsam.noiseModel.Unit:
+    return gtsam.noiseModel.Unit.Create(rows)
+
+
+def _owner(block: Block, begins: bool) -> tuple[slice | Index, Index]:
+    """Which factors of a block are taken and the interval of each, in order."""
+    owner = np.max([t.index for t in block.terms if t.family == "x"], axis=0) - 1
+    if begins:
+        return slice(None), np.maximum(owner, 0)
+    on = np.flatnonzero(owner >= 0)
+    return on, owner[on]

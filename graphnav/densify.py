@@ -60,12 +60,12 @@ def densify(
     g = origin.gravity(0.5 * (estimate.p_n[:-1] + estimate.p_n[1:]))[owner]
     a_n, s_n = so3.mv(R_i, V), so3.mv(R_i, P)
     reach = v_i * t + s_n + 0.5 * g * t * t
-    v = v_i + a_n - np.cross(Omega, t * a_n - s_n) + g * t - 2 * np.cross(Omega, reach)
+    v = v_i + a_n - so3.cross(Omega, t * a_n - s_n) + g * t - 2 * so3.cross(Omega, reach)
     p = (
         p_i
         + reach
-        - np.cross(Omega, s_n) * t / 3
-        - np.cross(Omega, v_i * t * t + (v - v_i) * t * t / 3)
+        - so3.cross(Omega, s_n) * t / 3
+        - so3.cross(Omega, v_i * t * t + (v - v_i) * t * t / 3)
     )
     R = so3.exp(-Omega * t) @ R_i @ C
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.linalg.lapack import dtrtri
 
 from factors.block import NODE_DIM, Block, Index
-from graphnav.assembly import Keys, gaussian_graph
+from graphnav.assembly import stacked
 from graphnav.errors import SolutionError
 from graphnav.run import Array
 
@@ -32,14 +32,16 @@ class Chain:
     segment_of_interval: Index  # (N - 1,)
 
     @cached_property
-    def keys(self) -> Keys:
-        """GTSAM's keys of all variables."""
-        x, c = gtsam.symbol("x", 0), gtsam.symbol("c", 0)
-        return Keys(
-            list(range(x, x + self.nodes)),
-            list(range(c, c + self.segments)),
-            self.segment_of_interval,
-        )
+    def x(self) -> list[int]:
+        """GTSAM's keys of the nodes."""
+        first = gtsam.symbol("x", 0)
+        return list(range(first, first + self.nodes))
+
+    @cached_property
+    def c(self) -> list[int]:
+        """GTSAM's keys of the calibration segments."""
+        first = gtsam.symbol("c", 0)
+        return list(range(first, first + self.segments))
 
     @cached_property
     def ordering(self) -> gtsam.Ordering:
@@ -48,15 +50,23 @@ class Chain:
         first = np.searchsorted(self.segment_of_interval, np.arange(self.segments + 1))
         first[-1] = self.nodes
         for k in range(self.segments):
-            for key in self.keys.x[first[k] : first[k + 1]]:
+            for key in self.x[first[k] : first[k + 1]]:
                 ordering.push_back(key)
-            ordering.push_back(self.keys.c[k])
+            ordering.push_back(self.c[k])
         return ordering
 
 
 def linear_system(blocks: Sequence[Block], chain: Chain) -> gtsam.GaussianFactorGraph:
     """All blocks as one Gaussian factor graph."""
-    return gaussian_graph(blocks, chain.keys, chain.calibration_dim)
+    graph = gtsam.GaussianFactorGraph()
+    for block in blocks:
+        if len(block.time) and block.terms[0].family == "c":
+            for factor in block.jacobian_factors():
+                graph.add(factor)
+    rows = stacked(blocks, chain.nodes - 1, chain.calibration_dim)
+    for factor in rows.factors(chain.x, [chain.c[k] for k in chain.segment_of_interval.tolist()]):
+        graph.add(factor)
+    return graph
 
 
 def quickly(graph: gtsam.GaussianFactorGraph, chain: Chain) -> gtsam.GaussianBayesNet | None:
@@ -112,7 +122,7 @@ def covariances(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> Covariances:
     calibration = np.empty((chain.segments, dim, dim))
     joints: Joints = {}
     stride = max(1, chain.nodes // JOINTS)
-    first_x, first_c = chain.keys.x[0], chain.keys.c[0]
+    first_x, first_c = chain.x[0], chain.c[0]
     joint, place = np.empty((0, 0)), dict[int, slice]()
     for k in range(bayes_net.size() - 1, -1, -1):
         conditional = bayes_net.at(k)

@@ -1,13 +1,13 @@
 """A graph that grows node by node: each new interval enters iSAM2 linearised by the batch's own
-factors, recent intervals are linearised anew every few seconds, all of them each time the run has
-doubled.
+factors; every few seconds the recent intervals are linearised anew with the new ones, all of them
+each time the run has doubled.
 
 So the total work is linear in the run's length, and what the batch re-estimates by iterating
 (linearisation points, biases inside the preintegration, robust weights) settles within seconds.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import gtsam
 import numpy as np
@@ -19,10 +19,10 @@ from factors.calibration import walk
 from factors.inertial import predict
 from factors.preintegration import Preintegrated
 from graphnav.aiding import Aid, joined
+from graphnav.assembly import Rows, stacked
 from graphnav.earth import Origin
 from graphnav.estimate import Estimate
 from graphnav.intake import Distance, Inertial
-from graphnav.interval_rows import Rows, stacked
 from graphnav.isam import Tree
 from graphnav.nodes import CLOSEST_S, SEGMENT_S, Nodes
 from graphnav.preparation import Prepared
@@ -32,10 +32,21 @@ from graphnav.smoother import FIRST
 from graphnav.tape import Tape
 from graphnav.timeline import Timeline
 
-SWEEP_EVERY, SWEEP_BACK = 10, 20  # nodes: how often, and how many of the newest, are relinearised
-GROWTH = 2.0  # of the run's length between relinearisations of all of it
-KEPT = 6 * SWEEP_BACK  # nodes that stay in the tree, at least
+SWEEP_EVERY = 10  # nodes between relinearisations of the newest
+BACK_S = 20.0  # s of them
+GROWTH, FIRST_GROWTH = 2.0, 60  # of the run's length between relinearisations of all; nodes
+KEPT = 120  # nodes that stay in the tree, at least: those of BACK_S and more
 UNIT = 10.0  # prior sigmas: iSAM2 then passes on changes of a hundredth of a sigma
+
+
+@dataclass(frozen=True)
+class Window:
+    """The newest nodes as they are known now: what is linearised anew with the next ones."""
+
+    first: int  # oldest node of them
+    estimate: Estimate  # of nodes `first` to the newest and of the segments in force
+    x: Array  # (W + 1, 10) their error states from the base
+    c: Array  # (K, dim)
 
 
 class Growing:
@@ -62,12 +73,11 @@ class Growing:
         self._c, self.segment_time, self.segment = Tape(prep.layout.dim), Tape(), Tape()
         self.states: list[str] = []  # of each interval
         self._aids: list[Aid] = []  # of each node
-        self._swept = 3 * SWEEP_BACK  # nodes when all were last relinearised
+        self._swept = FIRST_GROWTH  # nodes when all were last relinearised
         self._unit = UNIT * prep.layout.prior_sd
         self._tree = Tree(self._unit)
-        dim = prep.layout.dim
-        # error state and covariance of the newest node, error state of its segment
-        self._tip = (np.zeros(NODE_DIM), np.zeros((NODE_DIM, NODE_DIM)), np.zeros(dim))
+        # error state and covariance of the newest node
+        self._tip = (np.zeros(NODE_DIM), np.zeros((NODE_DIM, NODE_DIM)))
         self._begin()
 
     @property
@@ -123,7 +133,7 @@ class Growing:
 
     def whole(self, at: Estimate) -> Problem:
         """The batch's problem over all nodes."""
-        return self.problem(0, self.last, at)[0]
+        return self.problem(0, self.last, at)
 
     @property
     def origin(self) -> Origin:
@@ -152,8 +162,8 @@ class Growing:
             edge - edge[0], self.time.rows[first : last + 1], own, self.segment_time.rows[seg]
         )
 
-    def problem(self, first: int, last: int, at: Estimate) -> tuple[Problem, Prepared]:
-        """The batch's factors between two nodes, increments integrated with the biases of `at`."""
+    def sensed(self, first: int, last: int) -> tuple[Prepared, Nodes]:
+        """What the sensors said between two nodes."""
         nodes = self.nodes(first, last)
         a, b = int(self.edge.rows[first]), int(self.edge.rows[last])
         t = nodes.time
@@ -167,61 +177,92 @@ class Growing:
             gnss=gnss,
             fixes_n=fixes_n,
         )
-        names = np.array(self.states[first:last])
-        line = Timeline(t[:-1], t[1:], names, np.ones(len(names)))
-        return build(prep, nodes, line, at, {}), prep
+        return prep, nodes
 
-    def grow(self, edges: Sequence[int], state: str, aids: Sequence[Aid]) -> Iterator[int]:
+    def problem(self, first: int, last: int, at: Estimate) -> Problem:
+        """The batch's factors between two nodes, increments integrated with the biases of `at`."""
+        prep, nodes = self.sensed(first, last)
+        t, names = nodes.time, np.array(self.states[first:last])
+        return build(prep, nodes, Timeline(t[:-1], t[1:], names, np.ones(len(names))), at, {})
+
+    def window(self) -> Window:
+        """The newest node alone, or those of the last seconds when a sweep is due."""
+        n = self.last
+        if n == 0 or n % SWEEP_EVERY:
+            seg = self._segments(n, n)
+            x = self._tip[0][None]
+            c = self._tree.segments(seg.start, seg.stop) if n else self._c.rows * 0.0
+            return Window(n, self.base(n, n).retract(x, c), x, c)
+        return self._since(int(np.searchsorted(self.time.rows, self.time.rows[-1] - BACK_S)))
+
+    def _since(self, first: int) -> Window:
+        """The nodes from `first` on, as far as the lag goes back."""
+        if self._lag is not None:
+            oldest = float(self.time.rows[-1]) - self._lag
+            first = max(first, int(np.searchsorted(self.time.rows, oldest)))
+        x, c = self._tree.everything() if first == 0 else self._error(first, self.last)
+        return Window(first, self.base(first, self.last).retract(x, c), x, c)
+
+    def grow(
+        self, edges: Sequence[int], state: str, aids: Sequence[Aid], window: Window
+    ) -> Iterator[int]:
         """Nodes at `edges`, predicted by the IMU and tied to the nodes before by every factor.
 
-        They are linearised together and enter iSAM2 one by one: yields each when it has.
+        They are linearised together, the window's along with them, and enter iSAM2 one by one:
+        yields each when it has.
         """
-        first, count = self.last, len(edges)
-        x_now, c_now = self._tip[0][None], self._tip[2][None]
-        now = self.base(first, first).retract(x_now, c_now)
-        before = int(self.segment.rows[-1]) if first else -1
+        n, first, known = self.last, window.first, window.estimate
+        before = int(self.segment.rows[-1]) if n else 0
         ties = []
         for edge, aid in zip(edges, aids, strict=True):
-            ties.append(self._next_segment(now.calibration))
+            ties.append(self._next_segment(known.calibration[-1:]))
             self.segment.push(len(self._c) - 1)
             self.states.append(state)
             self._place(edge, aid)
-        problem, _ = self.problem(first, self.last, self._predicted(first, now, None))
-        estimate = self._predicted(first, now, problem.pre)
-        segment = self.segment.rows[first:].astype(np.int64)
-        x = np.concatenate([x_now, np.zeros((count, NODE_DIM))])
-        c = np.where((segment == before)[:, None], c_now, 0.0)
-        rows = self._rows(problem.linearise(estimate), first, count).in_base(x, c)
-        for k, tie in enumerate(ties):
-            i, seg = first + k, int(segment[k])
-            row = rows.at(slice(k, k + 1))
-            if i:
-                x[k], c_i = self._tip[0], self._tip[2]
-                c[k] = c_i + self._c.rows[seg - bool(tie)] - self._c.rows[seg]
-            row = row.weighted(row.predicted(x[k], c[k]))
-            factor = row.factors(i, segment[k : k + 1], self._unit)[0]
+        problem = self.problem(first, self.last, self._ahead(known, n, None))
+        estimate = self._ahead(known, n, problem.pre)
+        rows = self._rows(problem.linearise(estimate), first)
+        if first < n:
+            self._exchange(window, rows.between(0, n - first))
+        segment: Index = self.segment.rows[n:].astype(np.int64)
+        x = np.concatenate([window.x[-1:], np.zeros((len(edges), NODE_DIM))])
+        c = np.where((segment == before)[:, None], window.c[-1:], 0.0)
+        rows = rows.between(n - first, self.last - first).in_base(x, c)
+        for k, (tie, seg) in enumerate(zip(ties, segment.tolist(), strict=True)):
+            row = rows.between(k, k + 1)
+            row = row.weighted(row.predicted(self._tip[0], c[k])).in_unit(self._unit)
+            (factor,) = row.factors(*self._tree.keys(n + k, [seg]))
             self._tree.extend(factor, seg, tie, self._kept)
-            self._tip = (*self._tree.marginal(i + 1), self._tree.segment(seg))
-            yield i + 1
-        self._sweep()
+            self._tip = self._tree.marginal(n + k + 1)
+            yield n + k + 1
+        if self._lag is None and self.last >= GROWTH * self._swept:
+            self.relinearise()
+            self._swept = self.last
 
-    def _predicted(self, first: int, now: Estimate, pre: Preintegrated | None = None) -> Estimate:
-        """The estimate of node `first` carried on by the IMU, which becomes the new nodes' base."""
-        seg = self._segments(first, self.last)
+    def _ahead(self, known: Estimate, n: int, pre: Preintegrated | None) -> Estimate:
+        """The estimate of the nodes up to `n` carried on by the IMU to the new ones, whose base it
+        becomes. Without `pre` they are where node `n` is.
+        """
+        count = self.last - n
         origin = self.prep.alignment.origin
-        R, v, p = now.R_nb[0], now.v_n[0], now.p_n[0]
+        R, v, p = known.R_nb[-1], known.v_n[-1], known.p_n[-1]
         g = origin.gravity(p)
-        path = [(R, v, p)]
-        for k in range(self.last - first):
+        path = []
+        for k in range(count):
             if pre is not None:
-                R, v, p = predict(pre, k, R, v, p, g, origin.Omega_n)
+                R, v, p = predict(pre, len(pre.T) - count + k, R, v, p, g, origin.Omega_n)
             path.append((R, v, p))
         R_nb, v_n, p_n = (np.array(x) for x in zip(*path, strict=True))
         for tape, x in zip((self._R, self._v, self._p), (R_nb, v_n, p_n), strict=True):
-            tape.rows[first + 1 :] = x[1:]
-        calibration = np.repeat(now.calibration, seg.stop - seg.start, 0)
-        phase = np.append(now.phase, np.zeros(len(path) - 1))
-        return Estimate(R_nb, v_n, p_n, phase, calibration)
+            tape.rows[n + 1 :] = x
+        more = len(self._c) - int(self.segment.rows[n - 1] if n else 0) - 1
+        return Estimate(
+            np.concatenate([known.R_nb, R_nb]),
+            np.concatenate([known.v_n, v_n]),
+            np.concatenate([known.p_n, p_n]),
+            np.concatenate([known.phase, np.zeros(count)]),
+            np.concatenate([known.calibration, np.repeat(known.calibration[-1:], more, 0)]),
+        )
 
     def _next_segment(self, c: Array) -> list[gtsam.JacobianFactor]:
         """When node `last` is past the end of its segment: a new one and what ties it."""
@@ -244,34 +285,24 @@ class Growing:
         ]
         return list(replace(block, terms=tuple(terms)).jacobian_factors())
 
-    def _rows(self, blocks: list[Block], first: int, intervals: int) -> Rows:
-        return stacked(blocks, intervals, self.prep.layout.dim, first == 0, FIRST)
+    def _rows(self, blocks: list[Block], first: int) -> Rows:
+        dim = self.prep.layout.dim
+        return stacked(blocks, self.last - first, dim, FIRST, begins=first == 0)
 
-    def _sweep(self) -> None:
-        """Linearise again what the newest data have moved."""
-        n = self.last
-        if self._lag is None and n >= GROWTH * self._swept:
-            self.relinearise(0)
-            self._swept = n
-        elif n % SWEEP_EVERY == 0:
-            self.relinearise(max(0, n - SWEEP_BACK))
+    def relinearise(self) -> None:
+        """Linearise every interval again at the present estimate, as far as the lag goes back."""
+        window = self._since(0)
+        if window.first < self.last:
+            problem = self.problem(window.first, self.last, window.estimate)
+            rows = self._rows(problem.linearise(window.estimate), window.first)
+            self._exchange(window, rows)
 
-    def relinearise(self, first: int) -> None:
-        """Linearise every interval from node `first` on at the present estimate."""
-        last = self.last
-        if self._lag is not None:
-            oldest = float(self.time.rows[-1]) - self._lag
-            first = max(first, int(np.searchsorted(self.time.rows, oldest)))
-        if first >= last:
-            return
-        seg = self._segments(first, last)
-        x, c = self._tree.everything() if first == 0 else self._error(first, last)
-        estimate = self.base(first, last).retract(x, c)
-        problem, _ = self.problem(first, last, estimate)
-        rows = self._rows(problem.linearise(estimate), first, last - first)
-        rows = rows.weighted(-rows.b)
-        segment: Index = self.segment.rows[first:last].astype(np.int64)
-        own = c[segment - seg.start]
-        factors = rows.in_base(x, own).factors(first, segment, self._unit)
+    def _exchange(self, window: Window, rows: Rows) -> None:
+        """Put a window's rows, linearised and weighed at its estimate, in the place of the old."""
+        first = window.first
+        segment: Index = self.segment.rows[first : first + len(window.x) - 1].astype(np.int64)
+        rows = rows.weighted(-rows.b).in_base(window.x, window.c[segment - segment[0]])
+        keys = self._tree.keys(first, segment.tolist())
+        factors = list(rows.in_unit(self._unit).factors(*keys))
         self._tree.exchange(first, factors, self._kept)
-        self._tip = (*self._tree.marginal(last), self._tree.segment(int(segment[-1])))
+        self._tip = self._tree.marginal(first + len(segment))

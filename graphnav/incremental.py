@@ -1,7 +1,7 @@
-"""`--mode incremental`: the run replayed through the streaming smoother, finished by the batch.
+"""`--mode incremental`: the run replayed through the streaming smoother, beside the batch.
 
-The stream says what the vehicle knew at every node; its last estimate starts the batch's rounds, so
-that the answer is the batch's whatever the way to it.
+The stream says what the vehicle knew at every node. What is known now is the batch's answer; how
+far iSAM2's own is from the batch solution of the same factors is told with it.
 """
 
 from collections.abc import Callable
@@ -10,20 +10,18 @@ from typing import Any
 
 import numpy as np
 
-from graphnav.densify import densify
-from graphnav.elimination import Chain
-from graphnav.estimate import Estimate
+from factors.block import POSITION
+from graphnav.elimination import eliminate, linear_system, step
 from graphnav.growing import Growing
 from graphnav.known import Known
-from graphnav.nodes import Nodes
 from graphnav.preparation import Prepared
 from graphnav.run import Array, Run
 from graphnav.smoother import FIRST, Smoothed
 from graphnav.smoother import smooth as smooth_batch
-from graphnav.solve import FINE, gauss_newton
+from graphnav.solve import weights_of
 from graphnav.streaming import Smoother
 
-PIECE_S = 10.0  # of the recording given to the stream at a time
+PIECE_S = 20.0  # of the recording given to the stream at a time
 THOUSAND = 1000
 
 
@@ -45,39 +43,14 @@ def smooth(
     """
     told("incremental")
     stream = replayed(prep, lag)
-    graph = stream.graph
-    assert graph is not None
+    assert stream.graph is not None
     told("incremental against batch")
-    estimate = graph.everything()
-    apart = distance_from_batch(graph, estimate)
-    path = densify(
-        stream.increments,
-        graph.whole(estimate).pre,
-        graph.nodes(0, graph.last),
-        estimate,
-        graph.origin,
-    )
-    offset = graph.origin.x_e - prep.alignment.origin.x_e
-    turn = prep.alignment.origin.R_en.T @ graph.origin.R_en
-
-    def first(nodes: Nodes) -> Estimate:
-        R, v, p = path.at(nodes.time)
-        columns = estimate.calibration.T
-        times = graph.segment_time.rows
-        known = np.stack([np.interp(nodes.segment_time, times, c) for c in columns], -1)
-        phase = np.interp(nodes.time, graph.time.rows, estimate.phase)
-        return Estimate(
-            turn @ R, v @ turn.T, p @ turn.T + offset @ prep.alignment.origin.R_en, phase, known
-        )
-
-    usable = estimate.calibration.shape[1] == prep.layout.dim
-    smoothed = smooth_batch(prep, told, first=first if usable else None)
     solver = latencies(stream.history) | {
-        "isam_minus_batch_max_m": apart,
+        "isam_minus_batch_max_m": distance_from_batch(stream.graph),
         "lag_s": lag,
-        "nodes_incremental": graph.last + 1,
+        "nodes_incremental": stream.graph.last + 1,
     }
-    return Replayed(smoothed, stream.history, solver)
+    return Replayed(smooth_batch(prep, told), stream.history, solver)
 
 
 def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoother:
@@ -120,12 +93,15 @@ def _give(stream: Smoother, run: Run, start: float, end: float) -> None:
     stream.add_imu(imu.time[on], imu.gyro[on], imu.accel[on])
 
 
-def distance_from_batch(graph: Growing, estimate: Estimate) -> float:
-    """How far iSAM2's estimate is from the batch solution of the same factors, m, at most."""
+def distance_from_batch(graph: Growing) -> float:
+    """How far the batch would still move iSAM2's estimate with the same factors, m, at most."""
+    estimate = graph.everything()
     problem = graph.whole(estimate)
-    chain: Chain = problem.chain
-    solution = gauss_newton(problem.linearise, estimate, chain, FIRST, FINE)
-    return float(np.linalg.norm(solution.estimate.p_n - estimate.p_n, axis=1).max())
+    blocks = problem.linearise(estimate)
+    weighted = [block.weighted(weights_of(block, FIRST)) for block in blocks]
+    net = eliminate(linear_system(weighted, problem.chain), problem.chain)
+    nodes, _ = step(net, problem.chain)
+    return float(np.linalg.norm(nodes[:, POSITION], axis=1).max())
 
 
 def latencies(known: list[Known]) -> dict[str, Any]:

@@ -37,6 +37,11 @@ class Tree:
         self._tree = _empty()
         self._slot: dict[int, int] = {}  # of each interval's factor
 
+    def keys(self, first: int, segment: list[int]) -> tuple[list[int], list[int]]:
+        """Of the nodes of some intervals from node `first` on, and of the segment of each."""
+        x = self._x + first
+        return list(range(x, x + len(segment) + 1)), [self._c + k for k in segment]
+
     def extend(
         self, factor: gtsam.JacobianFactor, segment: int, tie: list[gtsam.JacobianFactor], keep: int
     ) -> None:
@@ -150,15 +155,8 @@ class Tree:
 
         For the newest, at the root, nothing is asked of the rest of the tree.
         """
-        return self._marginal(self._x + node)
-
-    def segment(self, segment: int) -> Array:
-        """Error state of the calibration segment in force, (dim,)."""
-        return self._marginal(self._c + segment)[0] * self._unit
-
-    def _marginal(self, key: int) -> tuple[Array, Array]:
         # by QR: the default asks Cholesky, which navigation-grade weights break
-        found = self._tree.marginalFactor(key, gtsam.EliminateQR)
+        found = self._tree.marginalFactor(self._x + node, gtsam.EliminateQR)
         inverse = dtrtri(found.R())[0]
         return inverse @ found.d(), inverse @ inverse.T
 

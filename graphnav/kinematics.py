@@ -31,7 +31,7 @@ def kinematics(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | No
     rate_b = inc.rotation / dt - c[:3] - so3.mtv(R, np.broadcast_to(Omega, (len(R), 3)))
     g_n = prep.alignment.origin.gravity(path.p_n[:1])
     force_m = (inc.velocity / dt - c[3:6] + so3.mtv(R, np.broadcast_to(g_n, (len(R), 3)))) @ R_mb.T
-    v_m = (so3.mtv(R, path.v_n[:-1]) + np.cross(rate_b, lever)) @ R_mb.T
+    v_m = (so3.mtv(R, path.v_n[:-1]) + so3.cross(rate_b, lever)) @ R_mb.T
     mid = 0.5 * (path.time[1:] + path.time[:-1])
 
     assert prep.run.odometer is not None

@@ -118,7 +118,7 @@ def _gnss(prep: Prepared, nodes: Nodes, scales: Scales) -> Factor:
     factor_of = np.array([scales.get(f"gnss::{axis}", 1.0) for axis in ("east", "north", "up")])
     sigma = np.maximum(prep.gnss.sd_enu[pick], FIX_SD) * factor_of
     at = node[pick]
-    segment = nodes.segment[np.minimum(at, len(nodes.segment) - 1)]
+    segment = nodes.segment[np.maximum(at - 1, 0)]
     fixes = Fixes(prep.fixes_n[pick], sigma, dt[pick], at, segment, prep.gnss.time[pick])
     antenna, offset = prep.layout.column("antenna"), prep.layout.column("gnss_offset")
     return lambda x: [position(fixes, antenna, offset, x.R_nb, x.v_n, x.p_n, x.calibration)]

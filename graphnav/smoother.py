@@ -65,13 +65,11 @@ def smooth(
     prep: Prepared,
     told: Callable[[str], None] = lambda _: None,
     robust: tuple[Weights, Weights] = (FIRST, FINAL),
-    first: Callable[[Nodes], Estimate] | None = None,
 ) -> Smoothed:
     """Smooth a run; `told` hears the name of each stage as it begins.
 
     `robust` holds the weight functions by factor kind of the first round and of the later ones:
-    convex first, redescending once the trajectory is near (a graduated schedule). `first` gives the
-    estimate the first round starts from, in place of dead reckoning.
+    convex first, redescending once the trajectory is near (a graduated schedule).
     """
     told("dead reckoning")
     nodes = _nodes(prep, np.zeros(0))
@@ -87,8 +85,6 @@ def smooth(
         nodes_next = _nodes(prep, timeline.boundaries, interval)
         estimate = _moved(estimate, nodes, path, nodes_next)
         nodes = nodes_next
-        if first is not None and round_ == 1:
-            estimate = first(nodes)
         told(f"graph, round {round_}")
         problem = build(prep, nodes, timeline, estimate, scales)
         told(f"solve, round {round_}")

@@ -16,9 +16,11 @@ from graphnav.run import Array
 Step = tuple[Array, Array]  # error states of nodes (N, 10) and calibration segments (K, dim)
 Linearise = Callable[[Estimate], list[Block]]
 
-ROUGH, FINE = 1.0, 1e-2  # squared length of the last step in standard deviations, all states
+ROUGH, FINE = 10.0, 1e-2  # squared length of the last step in standard deviations, all states
 MAX_ITERATIONS, ROUGH_ITERATIONS = 40, 12
-HELD_FROM = 8  # iteration from which weights stay: a redescending weight may creep for ever
+# weights stay once a step was so short, at the latest from this iteration on: a redescending
+# weight may creep for ever
+HELD_BELOW, HELD_FROM = 1.0, 8
 
 
 @dataclass(frozen=True)
@@ -58,24 +60,25 @@ def gauss_newton(
     """
     blocks = linearise(estimate)
     weights = [weights_of(block, robust) for block in blocks]
+    held = False
     for iteration in range(1, MAX_ITERATIONS + 1):
         here = _Here(linearise, estimate, weights, cost_of(blocks, weights))
         weighted = [b.weighted(w) for b, w in zip(blocks, weights, strict=True)]
         graph = linear_system(weighted, chain)
-        attempt = _quick(here, graph, chain)
-        length = np.inf if attempt is None else _length(weighted, attempt.delta)
-        if attempt is None or (length < tolerance and tolerance < ROUGH):
-            attempt = _exact(here, graph, chain)
-            length = _length(weighted, attempt.delta)
+        # what a reader sees is solved by QR: the last steps of a fine solution
+        quick = None if held and tolerance < ROUGH else _quick(here, graph, weighted, chain)
+        attempt = quick or _exact(here, graph, weighted, chain)
         # an early round need not settle: the next one begins where it ends
-        if length < tolerance or (tolerance >= ROUGH and iteration == ROUGH_ITERATIONS):
+        settled = attempt.length < tolerance and (held or tolerance >= ROUGH)
+        if settled or (tolerance >= ROUGH and iteration == ROUGH_ITERATIONS):
             return Solution(*attempt.taken, weights, attempt.bayes_net, iteration, here.cost)
         estimate, blocks = attempt.taken
-        if iteration < HELD_FROM:
+        held = held or attempt.length < HELD_BELOW or iteration >= HELD_FROM
+        if not held:
             weights = [weights_of(block, robust) for block in blocks]
     raise SolutionError(
-        f"no convergence in {MAX_ITERATIONS} iterations (last step {np.sqrt(length):.2g} sigma): "
-        + worst(blocks)
+        f"no convergence in {MAX_ITERATIONS} iterations "
+        f"(last step {np.sqrt(attempt.length):.2g} sigma): " + worst(blocks)
     )
 
 
@@ -102,32 +105,37 @@ class _Here:
 class _Attempt:
     """One step and where it leads."""
 
-    delta: Step
+    length: float  # squared, in standard deviations: d^T H d
     taken: tuple[Estimate, list[Block]]
     bayes_net: gtsam.GaussianBayesNet
 
 
-def _quick(here: _Here, graph: gtsam.GaussianFactorGraph, chain: Chain) -> _Attempt | None:
+def _quick(
+    here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
+) -> _Attempt | None:
     """The full step by Cholesky; None where it breaks down or the cost would grow."""
     bayes_net = quickly(graph, chain)
     if bayes_net is None:
         return None
     delta = step(bayes_net, chain)
     taken = here.moved(delta)
-    return _Attempt(delta, taken, bayes_net) if taken else None
+    return _Attempt(_length(weighted, delta), taken, bayes_net) if taken else None
 
 
-def _exact(here: _Here, graph: gtsam.GaussianFactorGraph, chain: Chain) -> _Attempt:
+def _exact(
+    here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
+) -> _Attempt:
     """The step by QR, or a half, quarter ... of it while the cost would grow."""
     bayes_net = eliminate(graph, chain)
     delta = step(bayes_net, chain)
+    length = _length(weighted, delta)
     for halving in range(6):
         part = (0.5**halving * delta[0], 0.5**halving * delta[1])
         taken = here.moved(part)
         if taken:
-            return _Attempt(delta, taken, bayes_net)
+            return _Attempt(length, taken, bayes_net)
     trial = here.estimate.retract(*part)
-    return _Attempt(delta, (trial, here.linearise(trial)), bayes_net)
+    return _Attempt(length, (trial, here.linearise(trial)), bayes_net)
 
 
 def _length(weighted: list[Block], delta: Step) -> float:

@@ -13,7 +13,7 @@ from graphnav.beginning import Beginning
 from graphnav.causal_states import CausalStates
 from graphnav.corrections import Correction, correction_table
 from graphnav.errors import InputError
-from graphnav.growing import Growing
+from graphnav.growing import SWEEP_EVERY, Growing
 from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, next_node
 from graphnav.known import Known
 from graphnav.nodes import CLOSEST_S
@@ -84,7 +84,6 @@ class Smoother:
             vehicle, self._table, self._inertial, self._rest, self._aiding, self._expects
         )
         self._states = CausalStates(vehicle)
-        self._pause = self._states.every
         self.history: list[Known] = []
         self._newest: Known | None = None
         self._aligned = 0.0  # s, when the alignment was done
@@ -158,7 +157,7 @@ class Smoother:
         if edge[-1] - self.graph.time.rows[-1] > CLOSEST_S:
             self._nodes([len(edge) - 1], perf_counter())
         if self._lag is None:
-            self.graph.relinearise(0)
+            self.graph.relinearise()
         else:
             self.history += self._leaving(np.inf)
 
@@ -198,7 +197,7 @@ class Smoother:
         assert graph is not None
         places, start = list[int](), float(edge[0])
         last, count = int(graph.edge.rows[-1]), graph.last
-        while not places or (count % self._pause and not still[last - 1]):
+        while not places or (count % SWEEP_EVERY and not still[last - 1]):
             place = next_node(last, edge, still, self._aiding.stops(float(edge[last])), start)
             if place is None or (places and still[place - 1]):
                 break
@@ -221,12 +220,14 @@ class Smoother:
         times = self._inertial.edge.rows[edges]
         self._rocked(edges[0])
         aids = [self._aiding.near(t, graph.origin) for t in times.tolist()]
+        window = graph.window()
+        self._states.follow(graph, window)
+        growing = graph.grow(edges, self._states.now, aids, window)
         found, marks = [], [due]
-        for node, t in zip(graph.grow(edges, self._states.now, aids), times, strict=True):
+        for node, t in zip(growing, times, strict=True):
             newest = self._known(node)
             found.append((newest, [newest] if self._lag is None else self._leaving(float(t))))
             marks.append(perf_counter())
-        self._states.follow(graph)
         spent = _shares(np.diff(marks), perf_counter() - marks[-1])
         for (newest, told), latency, t in zip(found, spent, times, strict=True):
             if t >= self._aligned - 1.0:  # before, the vehicle did not know yet: made up for
@@ -262,7 +263,7 @@ class Smoother:
 
 def _shares(spans: Array, sweep: float) -> list[float]:
     """Seconds spent on each of the nodes that were linearised together, in the first one's span;
-    the sweep after them is the last one's.
+    a sweep over the whole run after them is the last one's.
     """
     own = spans.copy()
     if len(own) > 1:

@@ -17,8 +17,8 @@ from graphnav.run import Array
 Steps = NDArray[np.intp]
 Kind = TypeVar("Kind", bound=np.generic)
 
-CHUNK, OVERLAP = 2000, 200  # steps
-SIDE_BY_SIDE = 12  # chunks run together; more would only cost memory
+CHUNK, OVERLAP = 400, 200  # steps
+SIDE_BY_SIDE = 64  # chunks run together; more would only cost memory
 
 
 @dataclass(frozen=True)
