@@ -51,7 +51,7 @@ class Rows:
         for k, robust in enumerate(self.robust, start=1):
             on = self.doubt == k
             root[on] = np.sqrt(robust.weight(residual[on]))
-        return replace(self, A=self.A * root[:, None], b=self.b * root)
+        return Rows(self.A * root[:, None], self.b * root, self.start, self.doubt, self.robust)
 
     def predicted(self, x: Array, c: Array) -> Array:
         """Residuals (R,) of a single interval with node i at `x` (10,), calibration at `c` (dim,)

@@ -32,8 +32,7 @@ from graphnav.smoother import FIRST
 from graphnav.tape import Tape
 from graphnav.timeline import Timeline
 
-SWEEP_EVERY = 10  # nodes between relinearisations of the newest
-BACK_S = 20.0  # s of them
+BACK_S = 20.0  # s of the newest nodes that are linearised anew
 GROWTH, FIRST_GROWTH = 2.0, 60  # of the run's length between relinearisations of all; nodes
 KEPT = 120  # nodes that stay in the tree, at least: those of BACK_S and more
 UNIT = 10.0  # prior sigmas: iSAM2 then passes on changes of a hundredth of a sigma
@@ -59,13 +58,15 @@ class Growing:
         odometer: Distance | None,
         still: Tape,
         lag: float | None,
+        every: int,
     ) -> None:
         """`prep` carries alignment, noise and layout; its sensors are those of each interval.
 
-        `still` 0 or 1 by increment. With `lag` s nothing older is ever linearised again.
+        `still` 0 or 1 by increment. With `lag` s nothing older is ever linearised again. The
+        newest are every `every` nodes.
         """
         self.prep, self._inertial, self._odometer = prep, inertial, odometer
-        self._still, self._lag = still, lag
+        self._still, self._lag, self.every = still, lag, every
         self._kept = KEPT + round((lag or 0.0) / CLOSEST_S)
         self.edge, self.time = Tape(), Tape()
         self._R, self._v, self._p, self._phase = Tape(3, 3), Tape(3), Tape(3), Tape()
@@ -188,7 +189,7 @@ class Growing:
     def window(self) -> Window:
         """The newest node alone, or those of the last seconds when a sweep is due."""
         n = self.last
-        if n == 0 or n % SWEEP_EVERY:
+        if n == 0 or n % self.every:
             seg = self._segments(n, n)
             x = self._tip[0][None]
             c = self._tree.segments(seg.start, seg.stop) if n else self._c.rows * 0.0
@@ -227,10 +228,11 @@ class Growing:
         segment: Index = self.segment.rows[n:].astype(np.int64)
         x = np.concatenate([window.x[-1:], np.zeros((len(edges), NODE_DIM))])
         c = np.where((segment == before)[:, None], window.c[-1:], 0.0)
-        rows = rows.between(n - first, self.last - first).in_base(x, c)
+        rows = rows.between(n - first, self.last - first).in_base(x, c).in_unit(self._unit)
+        c /= self._unit
         for k, (tie, seg) in enumerate(zip(ties, segment.tolist(), strict=True)):
             row = rows.between(k, k + 1)
-            row = row.weighted(row.predicted(self._tip[0], c[k])).in_unit(self._unit)
+            row = row.weighted(row.predicted(self._tip[0], c[k]))
             (factor,) = row.factors(*self._tree.keys(n + k, [seg]))
             self._tree.extend(factor, seg, tie, self._kept)
             self._tip = self._tree.marginal(n + k + 1)

@@ -13,7 +13,7 @@ from graphnav.beginning import Beginning
 from graphnav.causal_states import CausalStates
 from graphnav.corrections import Correction, correction_table
 from graphnav.errors import InputError
-from graphnav.growing import SWEEP_EVERY, Growing
+from graphnav.growing import Growing
 from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, next_node
 from graphnav.known import Known
 from graphnav.nodes import CLOSEST_S
@@ -197,7 +197,7 @@ class Smoother:
         assert graph is not None
         places, start = list[int](), float(edge[0])
         last, count = int(graph.edge.rows[-1]), graph.last
-        while not places or (count % SWEEP_EVERY and not still[last - 1]):
+        while not places or (count % graph.every and not still[last - 1]):
             place = next_node(last, edge, still, self._aiding.stops(float(edge[last])), start)
             if place is None or (places and still[place - 1]):
                 break
@@ -211,7 +211,8 @@ class Smoother:
         if prep is not None:
             self._aligned = prep.run.end
             still = self._rest.still
-            self.graph = Growing(prep, self._inertial, self._odometer, still, self._lag)
+            every = self._states.every
+            self.graph = Growing(prep, self._inertial, self._odometer, still, self._lag, every)
 
     def _nodes(self, edges: list[int], due: float) -> None:
         """More nodes, and what is known with each."""
