@@ -93,12 +93,12 @@ def inertial(
     )
 
     Ji, Jj = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))
-    Jc = np.zeros((n, 9, n_calibration))
+    Jb = np.zeros((n, 9, 6))
     out = pre.dR @ so3.right_jacobian_inverse(angle)
     th, ve, po = slice(0, 3), slice(3, 6), slice(6, 9)
     Ji[:, th, ROTATION] = -out @ so3.transpose(E) @ so3.transpose(dR)
     Jj[:, th, ROTATION] = out
-    Jc[:, th, 0:3] = -out @ so3.transpose(E) @ so3.right_jacobian(turned) @ pre.dR_dbg
+    Jb[:, th, 0:3] = -out @ so3.transpose(E) @ so3.right_jacobian(turned) @ pre.dR_dbg
     W = so3.skew(w)
     Ji[:, ve, ROTATION] = so3.skew(q_v) - so3.skew(y_v) @ W
     Ji[:, po, ROTATION] = so3.skew(q_p) - so3.skew(y_p) @ W
@@ -113,12 +113,14 @@ def inertial(
     Ji[:, po, POSITION] = -Rit - sag * T3**2 / 4
     Jj[:, po, POSITION] = Rit - sag * T3**2 / 4
     # the bias also enters the small Earth-rate terms, at 1e-4 of its main effect
-    Jc[:, ve, 0:3] = W @ (T3 * pre.dv_dbg - pre.dp_dbg) - pre.dv_dbg
-    Jc[:, ve, 3:6] = W @ (T3 * pre.dv_dba - pre.dp_dba) - pre.dv_dba
-    Jc[:, po, 0:3] = (W * (T3 / 3) - np.eye(3)) @ pre.dp_dbg
-    Jc[:, po, 3:6] = (W * (T3 / 3) - np.eye(3)) @ pre.dp_dba
+    Jb[:, ve, 0:3] = W @ (T3 * pre.dv_dbg - pre.dp_dbg) - pre.dv_dbg
+    Jb[:, ve, 3:6] = W @ (T3 * pre.dv_dba - pre.dp_dba) - pre.dv_dba
+    Jb[:, po, 0:3] = (W * (T3 / 3) - np.eye(3)) @ pre.dp_dbg
+    Jb[:, po, 3:6] = (W * (T3 / 3) - np.eye(3)) @ pre.dp_dba
 
     white = pre.whitening
+    Jc = np.zeros((n, 9, n_calibration))
+    Jc[:, :, :6] = white @ Jb
     index = np.arange(n)
     return Block(
         kind="inertial",
@@ -128,6 +130,6 @@ def inertial(
         terms=(
             Term("x", index, white @ Ji),
             Term("x", index + 1, white @ Jj),
-            Term("c", segment, white @ Jc),
+            Term("c", segment, Jc),
         ),
     )

@@ -16,9 +16,12 @@ from factors import so3
 from factors.block import Index
 from factors.preintegration import Increments
 from graphnav.run import Array, Imu
+from graphnav.side_by_side import side_by_side
 
 GAP_FACTOR, GAP_S = 3.0, 0.1  # of the usual interval, and s: a longer sample stands for a gap
 USUAL_RATE, USUAL_FORCE = 0.02, 0.5  # rad/s, m/s^2
+NEIGHBOURS = 2  # samples to either side that the polynomials take
+BLOCK = 100_000  # samples one core works on at a time
 GRID_S = 0.05  # duration of an increment the grouping aims at
 
 
@@ -27,10 +30,27 @@ def increments(imu: Imu, grid_s: float = GRID_S) -> Increments:
 
     An increment's rotation and velocity are in the body frame of its start.
     """
-    dt = imu.dt
-    alpha, u = imu.gyro * dt[:, None], imu.accel * dt[:, None]
+    usual, count = float(np.median(imu.dt)), len(imu.dt)
+    size = max(1, round(grid_s / usual))
+    step = size * max(1, BLOCK // size)
+    parts = side_by_side(
+        lambda first: _block(imu, first, min(first + step, count), size, usual),
+        range(0, count, step),
+    )
+    names = ("rotation", "velocity", "position", "jump", "doubt")
+    columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in names}
+    edge = np.concatenate([parts[0].edge[:1], *(part.edge[1:] for part in parts)])
+    return Increments(edge=edge, **columns)
+
+
+def _block(imu: Imu, first: int, end: int, size: int, usual: float) -> Increments:
+    """Increments of samples `first` to `end - 1`, `size` in each; `usual` s in a sample."""
+    around = slice(max(first - NEIGHBOURS, 0), end + NEIGHBOURS)
+    own = slice(first - around.start, end - around.start)
+    dt = imu.dt[around]
+    alpha, u = imu.gyro[around] * dt[:, None], imu.accel[around] * dt[:, None]
     regular = _regular(dt)[:, None]
-    slope_w, slope_f = np.where(regular, _slope(alpha), 0.0), np.where(regular, _slope(u), 0.0)
+    slope_w, slope_f = _slope(alpha) * regular, _slope(u) * regular
     theta = alpha + so3.cross(alpha, slope_w)
     # the left Jacobian of alpha turns the mean force to the start of the sample (third order:
     # 1e-9 at 0.1 rad), sculling adds what the means hide
@@ -40,29 +60,28 @@ def increments(imu: Imu, grid_s: float = GRID_S) -> Increments:
     p = (0.5 * v - turned / 12 - slope_f) * dt[:, None]
     change = np.diff(u, axis=0, prepend=u[:1])
     jump = np.sqrt(np.einsum("ij,ij->i", change, change) / 12) * dt
+    doubt = _gap_doubt(imu.gyro[around], imu.accel[around], dt, usual)[own]
 
-    doubt = _gap_doubt(imu)
-    size = max(1, round(grid_s / float(np.median(dt))))
-    first = np.arange(0, len(dt), size)
-    edge = np.concatenate([imu.time[:1] - dt[:1], imu.time])[np.append(first, len(dt))]
-    whole = _compound(theta, v, p, dt, jump, first, edge)
-    return replace(whole, doubt=np.sqrt(np.add.reduceat(doubt**2, first, axis=0)))
+    at = np.arange(0, end - first, size)
+    time = np.concatenate([imu.time[first : first + 1] - imu.dt[first], imu.time[first:end]])
+    edge = time[np.append(at, end - first)]
+    whole = _compound(theta[own], v[own], p[own], dt[own], jump[own], at, edge)
+    return replace(whole, doubt=np.sqrt(np.add.reduceat(doubt**2, at, axis=0)))
 
 
-def _gap_doubt(imu: Imu) -> Array:
+def _gap_doubt(gyro: Array, accel: Array, dt: Array, usual: float) -> Array:
     """Turn [rad] and speed [m/s] a sample that stands for a gap may miss, one sigma, (N, 2).
 
     The rate and force are held over the gap; what they do meanwhile may change by half of what they
     are or of what they are found changed by, and by a driver's usual at least.
     """
-    dt = imu.dt
-    gap = (dt > GAP_FACTOR * np.median(dt)) & (dt > GAP_S)
     out = np.zeros((len(dt), 2))
-    for column, values, least in ((0, imu.gyro, USUAL_RATE), (1, imu.accel, USUAL_FORCE)):
-        change = np.linalg.norm(np.diff(values, axis=0, prepend=values[:1]), axis=1)
-        own = np.linalg.norm(values, axis=1) if column == 0 else 0.0
-        out[:, column] = 0.5 * np.maximum(np.maximum(change, own), least) * dt
-    return np.where(gap[:, None], out, 0.0)
+    gap = np.flatnonzero((dt > GAP_FACTOR * usual) & (dt > GAP_S))
+    for column, values, least in ((0, gyro, USUAL_RATE), (1, accel, USUAL_FORCE)):
+        change = np.linalg.norm(values[gap] - values[np.maximum(gap - 1, 0)], axis=1)
+        own = np.linalg.norm(values[gap], axis=1) if column == 0 else 0.0
+        out[gap, column] = 0.5 * np.maximum(np.maximum(change, own), least) * dt[gap]
+    return out
 
 
 def _slope(x: Array) -> Array:

@@ -10,14 +10,13 @@ from itertools import pairwise
 import numpy as np
 
 from factors.preintegration import Increments
-from graphnav.increments import GRID_S, increments
+from graphnav.increments import GRID_S, NEIGHBOURS, increments
 from graphnav.nodes import CLOSEST_S, INTERVAL_S, REST_INTERVAL_S
 from graphnav.run import Array, Imu, Odometer
 from graphnav.standstill import QUIET_FORCE, QUIET_RATE, SHORTEST_S, Mask, quietness, spans
 from graphnav.tape import Tape
 
 LOOK_AHEAD_S = 0.5
-NEIGHBOURS = 2  # samples the coning terms look to either side
 FRAME = 20  # increments after which the usual quietness is measured anew
 REMEMBERED = 1200  # increments of standstill it is the median of
 MARGIN_S, MARGIN_SAMPLES = 1.0, 3  # of the odometer before an interval

@@ -17,6 +17,7 @@ from graphnav.run import Run
 from graphnav.solved import Calibrated, Solved
 from graphnav.vehicle import Vehicle
 from graphnav.vehicle_file import load_vehicle
+from graphnav.views import Views
 from graphnav.writing import whole_directory
 
 if TYPE_CHECKING:
@@ -52,16 +53,18 @@ def smooth(
     run = read_run(run_path, vehicle)
     reference = _truth(truth)
     findings = check(run, vehicle, use_gnss)
-    solved = solve(run, vehicle, use_gnss, outages, rate_hz, told, mode, lag)
-    told("trajectory")
-    columns = trajectory.table(solved, rate_hz)
-    with whole_directory(out) as directory:
-        told("writing")
-        comparable = columns if rate_hz >= COMPARED_HZ else trajectory.table(solved, COMPARED_HZ)
-        write(solved, columns, comparable, findings, reference, csv, directory, told)
-        _views(directory, rrd, report, told)
-        told.done()
-        _update_stages(directory, told)
+    kinds = [kind for kind, on in (("recording", rrd), ("report", report)) if on]
+    with Views(kinds) as views:
+        solved = solve(run, vehicle, use_gnss, outages, rate_hz, told, mode, lag)
+        told("trajectory")
+        columns = trajectory.table(solved, rate_hz)
+        dense = columns if rate_hz >= COMPARED_HZ else trajectory.table(solved, COMPARED_HZ)
+        with whole_directory(out) as directory:
+            told("writing")
+            write(solved, columns, dense, findings, reference, csv, directory, told)
+            views.make(directory, told)
+            told.done()
+            _update_stages(directory, told)
 
 
 def solve(
@@ -224,25 +227,6 @@ def _residuals(solved: Solved) -> dict[str, Any]:
                 "doubted": float(np.mean(weight < 0.5)),
             }
     return found
-
-
-def _views(directory: Path, rrd: bool, report: bool, told: Stages) -> None:
-    """run.rrd and report.html, from the files just written."""
-    if not (rrd or report):
-        return
-    from graphnav import results
-
-    loaded = results.load(directory)
-    if rrd:
-        told("recording")
-        from graphnav import recording
-
-        recording.write(loaded, directory / "run.rrd")
-    if report:
-        told("report")
-        from graphnav import report as page
-
-        page.write(loaded, directory / "report.html")
 
 
 def _update_stages(directory: Path, told: Stages) -> None:

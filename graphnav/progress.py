@@ -41,6 +41,11 @@ class Stages:
             self._status = self._console.status(f"[bold]{name}")
             self._status.start()
 
+    def beside(self, mb: float) -> None:
+        """Another process worked for the running stage and needed so much memory at its peak."""
+        if self._name is not None:
+            self.memory_mb[self._name] = peak_memory_mb() + mb
+
     def done(self) -> None:
         """The last stage has ended."""
         self._close()

@@ -17,8 +17,10 @@ import pyarrow.parquet as pa_parquet
 from numpy.typing import NDArray
 
 from graphnav.errors import InputError
+from graphnav.side_by_side import side_by_side
 
 Array = NDArray[np.float64]
+pa.set_memory_pool(pa.system_memory_pool())  # others keep what they free from numpy's arrays
 BLANK = ["", "nan", "NaN", "NAN", "null", "NULL", "NA", "N/A"]
 
 
@@ -39,12 +41,13 @@ class TableFile:
             table = self._cells(names, pa.float64())
         except (pa.ArrowException, OSError) as error:
             raise InputError(self._not_a_number(names) or self._broken(error)) from None
-        columns = {name: np.asarray(table[name].to_numpy(), float) for name in names}
-        for name, column in columns.items():
-            if np.isinf(column).any():
-                row = self.row(int(np.isinf(column).argmax()))
-                raise InputError(f"{self.path}: {row}: {name} is infinite; leave the cell blank")
-        return columns
+        columns = side_by_side(lambda name: np.asarray(table[name].to_numpy(), float), names)
+        endless = side_by_side(lambda column: np.flatnonzero(np.isinf(column))[:1], columns)
+        for name, row in zip(names, endless, strict=True):
+            if len(row):
+                where = f"{self.path}: {self.row(int(row[0]))}"
+                raise InputError(f"{where}: {name} is infinite; leave the cell blank")
+        return dict(zip(names, columns, strict=True))
 
     def words(self, name: str) -> list[str]:
         """Column `name` as text, blank cells as ''."""
