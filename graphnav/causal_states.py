@@ -12,7 +12,7 @@ from graphnav.motion_states import recognise
 from graphnav.preparation import params
 from graphnav.vehicle import Vehicle
 
-EVERY, EVERY_OTHER = 10, 20  # nodes between looks back, with states to be told and without
+EVERY_S, EVERY_OTHER_S = 10.0, 20.0  # between looks back, with states to be told and without
 SHORTEST_S = 3.0  # s of driving that show a state
 SETTLING_S = 4.0  # s at the beginning of a window whose states stay as they were
 
@@ -21,13 +21,13 @@ class CausalStates:
     """The state of the newest interval; corrects those of a window as more is seen.
 
     The most probable sequence over a sliding window of the past: a state is known some seconds
-    after it began (`EVERY` nodes and the minimum dwell), until then the last one holds.
+    after it began (`EVERY_S` and the minimum dwell), until then the last one holds.
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._params: VehicleParams | None = params(vehicle) if vehicle.kind == "tracked" else None
         self.now = "straight_high" if self._params else "moving"
-        self.every = EVERY if self._params else EVERY_OTHER
+        self.every_s = EVERY_S if self._params else EVERY_OTHER_S
 
     def follow(self, graph: Growing, window: Window) -> None:
         """Recognise the window's states again."""

@@ -65,6 +65,14 @@ def cli() -> None:
     help="Rows per second of trajectory.parquet.",
 )
 @click.option(
+    "--nodes",
+    type=click.FloatRange(0.2, 10),
+    default=1.0,
+    show_default=True,
+    metavar="HZ",
+    help="States solved for per second of driving.",
+)
+@click.option(
     "--lag",
     type=click.FloatRange(min=0, min_open=True),
     metavar="S",
@@ -112,6 +120,7 @@ def smooth(
             mode=more["mode"],
             truth=truth,
             rate_hz=more["rate"],
+            nodes_hz=more["nodes"],
             rrd=more["rrd"],
             report=more["report"],
             outages=more["outage"],

@@ -24,7 +24,7 @@ from graphnav.earth import Origin
 from graphnav.estimate import Estimate
 from graphnav.intake import Distance, Inertial
 from graphnav.isam import Tree
-from graphnav.nodes import CLOSEST_S, SEGMENT_S, Nodes
+from graphnav.nodes import SEGMENT_S, Nodes, room_of
 from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
 from graphnav.run import Array
@@ -34,7 +34,7 @@ from graphnav.timeline import Timeline
 
 BACK_S = 20.0  # s of the newest nodes that are linearised anew
 GROWTH, FIRST_GROWTH = 2.0, 60  # of the run's length between relinearisations of all; nodes
-KEPT = 120  # nodes that stay in the tree, at least: those of BACK_S and more
+KEPT_S = 30.0  # s of nodes that stay in the tree, at least: BACK_S and more
 UNIT = 10.0  # prior sigmas: iSAM2 then passes on changes of a hundredth of a sigma
 
 
@@ -58,16 +58,17 @@ class Growing:
         odometer: Distance | None,
         still: Tape,
         lag: float | None,
-        every: int,
+        every_s: float,
     ) -> None:
         """`prep` carries alignment, noise and layout; its sensors are those of each interval.
 
         `still` 0 or 1 by increment. With `lag` s nothing older is ever linearised again. The
-        newest are every `every` nodes.
+        newest are every `every_s`.
         """
         self.prep, self._inertial, self._odometer = prep, inertial, odometer
-        self._still, self._lag, self.every = still, lag, every
-        self._kept = KEPT + round((lag or 0.0) / CLOSEST_S)
+        self._still, self._lag = still, lag
+        self.every = max(1, round(every_s / prep.interval))  # nodes
+        self._kept = round((KEPT_S + (lag or 0.0)) / room_of(prep.interval))
         self.edge, self.time = Tape(), Tape()
         self._R, self._v, self._p, self._phase = Tape(3, 3), Tape(3), Tape(3), Tape()
         self._node_tapes = (self._R, self._v, self._p, self._phase)

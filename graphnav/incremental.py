@@ -59,7 +59,14 @@ def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoot
     assert run.imu is not None
     imu = prep.vehicle.imu.model_copy(update={"axes": "RFU"})  # axes are turned already
     vehicle = prep.vehicle.model_copy(update={"imu": imu})
-    stream = Smoother(vehicle, lag=lag, table=prep.table, fixes=prep.gnss is not None, clock=0.0)
+    stream = Smoother(
+        vehicle,
+        lag=lag,
+        table=prep.table,
+        fixes=prep.gnss is not None,
+        interval=prep.interval,
+        clock=0.0,
+    )
     for start in np.arange(-piece, run.end, piece):
         _give(stream, run, float(start), float(start + piece))
     stream.finish()

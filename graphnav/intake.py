@@ -11,7 +11,7 @@ import numpy as np
 
 from factors.preintegration import Increments
 from graphnav.increments import GRID_S, NEIGHBOURS, increments
-from graphnav.nodes import CLOSEST_S, INTERVAL_S, REST_INTERVAL_S
+from graphnav.nodes import REST_INTERVAL_S, room_of
 from graphnav.run import Array, Imu, Odometer
 from graphnav.standstill import QUIET_FORCE, QUIET_RATE, SHORTEST_S, Mask, quietness, spans
 from graphnav.tape import Tape
@@ -172,11 +172,13 @@ class Rest:
         return spans(self.still.rows[:until] > 0, edge)
 
 
-def next_node(last: int, edge: Array, still: Array, aids: Array, start: float) -> int | None:
+def next_node(
+    last: int, edge: Array, still: Array, aids: Array, start: float, interval: float
+) -> int | None:
     """Edge number of the node after edge `last`, or None while that is open.
 
     Nodes stand where standstill begins or ends, at `aids` (sorted times of fixes), else at every
-    whole second since `start`, at rest every ten. `still` covers the increments that are judged,
+    `interval` s since `start`, at rest every ten. `still` covers the increments that are judged,
     `aids` reach `LOOK_AHEAD_S` further.
     """
     ready, t = len(still), float(edge[last])
@@ -186,9 +188,10 @@ def next_node(last: int, edge: Array, still: Array, aids: Array, start: float) -
     if resting:
         target = t + REST_INTERVAL_S
     else:
-        target = start + np.floor((t - start + CLOSEST_S) / INTERVAL_S + 1) * INTERVAL_S
-        k = int(np.searchsorted(aids, t + CLOSEST_S))
-        if k < len(aids) and aids[k] < target + CLOSEST_S:
+        room = room_of(interval)
+        target = start + np.floor((t - start + room) / interval + 1) * interval
+        k = int(np.searchsorted(aids, t + room))
+        if k < len(aids) and aids[k] < target + room:
             target = float(aids[k])
     # an edge may not be the last of the judged ones: a change of standstill is seen after it
     found = max(int(np.searchsorted(edge[:ready], target - half)), last + 1)

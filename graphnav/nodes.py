@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from factors.block import Index
 from graphnav.run import Array
 
-INTERVAL_S = 1.0
+INTERVAL_S = 1.0  # between nodes, unless told otherwise
 FIX_SPACING_S = 0.45  # at least, between fixes that make nodes
 REST_INTERVAL_S = 10.0  # nodes inside a standstill: rocking is bounded, so few and long intervals
 CLOSEST_S = 0.25  # a grid node this close to an event gives way
@@ -45,13 +45,18 @@ def place_nodes(
 
     chosen = np.unique(np.concatenate([[0, last], nearest(events)]))
     for candidates in (nearest(coarse), nearest(extra), nearest(grid[~resting])):
-        chosen = _with_room(chosen, np.unique(candidates), edges, min(CLOSEST_S, interval / 2))
+        chosen = _with_room(chosen, np.unique(candidates), edges, room_of(interval))
     time = edges[chosen]
     segment = np.floor((time[:-1] - time[0]) / SEGMENT_S).astype(np.int64)
     segment = np.unique(segment, return_inverse=True)[1]
     first = np.flatnonzero(np.diff(segment, prepend=-1))
     bounds = np.append(time[first], time[-1])
     return Nodes(chosen, time, segment, 0.5 * (bounds[1:] + bounds[:-1]))
+
+
+def room_of(interval: float) -> float:
+    """s that a grid node keeps from events, with nodes every `interval` s."""
+    return min(CLOSEST_S, interval / 2)
 
 
 def _inside(times: Array, rests: Array) -> NDArray[np.bool_]:

@@ -21,7 +21,8 @@ SMALLEST, LARGEST = 0.02, 30.0
 # a receiver's own sigma is evidence too: a poor fit must not talk the fixes away
 LIMITS = {"gnss": (0.3, 3.0)}
 MOST_CORRELATED = 25.0  # of long-run over short-run variance: five times the sigma
-LAGS = {"displacement": 20, "velocity": 20, "track_width": 20, "gnss": 60}
+# s over which the residuals of a kind may be correlated
+LAGS_S = {"displacement": 20.0, "velocity": 20.0, "track_width": 20.0, "gnss": 60.0}
 
 
 def rescaled(
@@ -34,9 +35,10 @@ def rescaled(
     """
     found = dict(scales)
     for block in blocks:
-        if block.kind not in LAGS or block.kind not in groups:
+        if block.kind not in LAGS_S or block.kind not in groups:
             continue
         names = groups[block.kind]
+        lags = _lags(block)
         redundancy = _redundancy(block, joints)
         for state in np.unique(names):
             for row, axis in enumerate(block.axes):
@@ -44,10 +46,16 @@ def rescaled(
                 red = red[np.isfinite(red)]
                 key = f"{block.kind}:{state}:{axis}"
                 if len(r) >= ENOUGH and len(red) and red.mean() > LEAST_REDUNDANCY:
-                    grown = _scale(r, float(red.mean()), LAGS[block.kind])
+                    grown = _scale(r, float(red.mean()), lags)
                     low, high = LIMITS.get(block.kind, (SMALLEST, LARGEST))
                     found[key] = float(np.clip(grown * scales.get(key, 1.0), low, high))
     return found
+
+
+def _lags(block: Block) -> int:
+    """How many of its factors a block's residuals may be correlated over."""
+    spacing = float(np.median(np.diff(block.time))) if len(block.time) > 1 else 1.0
+    return max(1, round(LAGS_S[block.kind] / max(spacing, 1e-3)))
 
 
 def _scale(r: Array, redundancy: float, lags: int) -> float:

@@ -34,6 +34,7 @@ def smooth(
     mode: str = "batch",
     truth: Path | None = None,
     rate_hz: float = 10.0,
+    nodes_hz: float = 1.0,
     rrd: bool = True,
     report: bool = False,
     outages: Sequence[tuple[float, float]] = (),
@@ -55,7 +56,7 @@ def smooth(
     findings = check(run, vehicle, use_gnss)
     kinds = [kind for kind, on in (("recording", rrd), ("report", report)) if on]
     with Views(kinds) as views:
-        solved = solve(run, vehicle, use_gnss, outages, rate_hz, told, mode, lag)
+        solved = solve(run, vehicle, use_gnss, outages, rate_hz, told, mode, lag, nodes_hz)
         told("trajectory")
         columns = trajectory.table(solved, rate_hz)
         dense = columns if rate_hz >= COMPARED_HZ else trajectory.table(solved, COMPARED_HZ)
@@ -76,6 +77,7 @@ def solve(
     told: Stages,
     mode: str = "batch",
     lag: float | None = None,
+    nodes_hz: float = 1.0,
 ) -> Solved:
     """The solver for this kind of vehicle and these sensors."""
     if lag is not None and mode != "incremental":
@@ -91,7 +93,9 @@ def solve(
     from graphnav.smoother import smooth as smooth_prepared
 
     told("preparing")
-    prep = prepare(run, vehicle, use_gnss=use_gnss, outages=outages, rate_hz=rate_hz)
+    prep = prepare(
+        run, vehicle, use_gnss=use_gnss, outages=outages, rate_hz=rate_hz, interval=1 / nodes_hz
+    )
     if mode == "incremental":
         from graphnav import incremental
 

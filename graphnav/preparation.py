@@ -14,6 +14,7 @@ from graphnav.corrections import Correction, VehicleParams, correction_table
 from graphnav.earth import G_STANDARD
 from graphnav.errors import InputError
 from graphnav.increments import GRID_S, increments
+from graphnav.nodes import INTERVAL_S
 from graphnav.reckoning import inertial_path
 from graphnav.run import Array, Gnss, Run
 from graphnav.standstill import (
@@ -50,13 +51,13 @@ class Prepared:
     layout: Layout
     gnss: Gnss | None  # fixes in use
     fixes_n: Array  # (F, 3) m, the fixes in use, in n
+    rocking: Array  # (3,) rad, how far the standing vehicle rocks, one sigma by axis
+    interval: float = INTERVAL_S  # s between nodes
 
     @property
     def params(self) -> VehicleParams:
         """What state recognition must know of the vehicle."""
         return params(self.vehicle, two_sided(self.run, self.vehicle))
-
-    rocking: Array  # (3,) rad, how far the standing vehicle rocks, one sigma by axis
 
 
 def prepare(
@@ -66,9 +67,10 @@ def prepare(
     use_gnss: bool,
     outages: Outages,
     rate_hz: float = 10.0,
+    interval: float = INTERVAL_S,
     table: dict[str, Correction] | None = None,
 ) -> Prepared:
-    """Increments, standstill, alignment and calibration layout of a run.
+    """Increments, standstill, alignment and calibration layout of a run; nodes every `interval` s.
 
     `table` replaces the vehicle's correction table; rows with zero sd are held, not learnt.
     """
@@ -95,9 +97,8 @@ def prepare(
         )
     layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle))
     rock = rocking(inc, rests, noise.gyro)
-    return Prepared(
-        run, used, vehicle, inc, noise, still, rests, alignment, table, layout, gnss, fixes, rock
-    )
+    sensed = run, used, vehicle, inc, noise, still, rests
+    return Prepared(*sensed, alignment, table, layout, gnss, fixes, rock, interval)
 
 
 def inertial_noise(vehicle: Vehicle) -> InertialNoise:

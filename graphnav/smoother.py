@@ -12,7 +12,7 @@ from graphnav.estimate import Estimate
 from graphnav.first_path import first_path
 from graphnav.kinematics import kinematics
 from graphnav.motion_states import recognise, with_probabilities
-from graphnav.nodes import FIX_SPACING_S, INTERVAL_S, Nodes, place_nodes
+from graphnav.nodes import FIX_SPACING_S, Nodes, place_nodes
 from graphnav.noise import rescaled
 from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
@@ -72,7 +72,7 @@ def smooth(
     convex first, redescending once the trajectory is near (a graduated schedule).
     """
     told("dead reckoning")
-    nodes = _nodes(prep, np.zeros(0))
+    nodes = _nodes(prep, np.zeros(0), prep.interval)
     estimate, path = first_path(prep, nodes)
     reckoned = path
     told("motion states")
@@ -81,7 +81,7 @@ def smooth(
     scales: dict[str, float] = {}
     stands = False
     for round_ in range(1, MAX_ROUNDS + 1):
-        interval = FIRST_INTERVAL_S if round_ == 1 else INTERVAL_S
+        interval = max(FIRST_INTERVAL_S, prep.interval) if round_ == 1 else prep.interval
         nodes_next = _nodes(prep, timeline.boundaries, interval)
         estimate = _moved(estimate, nodes, path, nodes_next)
         nodes = nodes_next
@@ -114,7 +114,7 @@ def smooth(
     )
 
 
-def _nodes(prep: Prepared, boundaries: Array, interval: float = INTERVAL_S) -> Nodes:
+def _nodes(prep: Prepared, boundaries: Array, interval: float) -> Nodes:
     """Nodes at the interval, standstill edges, state boundaries and fixes."""
     edges = prep.inc.edge
     events = np.concatenate([prep.rests.ravel(), boundaries])

@@ -16,7 +16,7 @@ from graphnav.errors import InputError
 from graphnav.growing import Growing
 from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, next_node
 from graphnav.known import Known
-from graphnav.nodes import CLOSEST_S
+from graphnav.nodes import INTERVAL_S, room_of
 from graphnav.preparation import params
 from graphnav.read import FASTEST
 from graphnav.run import Array
@@ -61,11 +61,12 @@ class Smoother:
         lag: float | None = None,
         table: dict[str, Correction] | None = None,
         fixes: bool = True,
+        interval: float = INTERVAL_S,
         clock: float | None = None,
     ) -> None:
         """`vehicle` a vehicle file or its content; `table` in place of its correction table;
-        `fixes` whether there will be any: False spares their calibrations; `clock` the sensors'
-        clock at the stream's time 0, the first sample's when not given.
+        `fixes` whether there will be any: False spares their calibrations; `interval` s between
+        nodes; `clock` the sensors' clock at the stream's time 0, the first sample's when not given.
         """
         if not isinstance(vehicle, Vehicle):
             from graphnav.vehicle_file import load_vehicle
@@ -75,6 +76,7 @@ class Smoother:
         self._lag = lag
         self._expects = fixes and vehicle.gnss.use
         self._table = table or correction_table(params(vehicle))
+        self._interval = interval
         self._clock = clock  # at time 0
         self._inertial, self._rest = Inertial(), Rest()
         self._odometer: Distance | None = None
@@ -154,7 +156,7 @@ class Smoother:
         if self.graph is None:
             raise self._beginning.why or InputError("no inertial samples, or too few to align")
         edge = self._inertial.edge.rows
-        if edge[-1] - self.graph.time.rows[-1] > CLOSEST_S:
+        if edge[-1] - self.graph.time.rows[-1] > room_of(self._interval):
             self._nodes([len(edge) - 1], perf_counter())
         if self._lag is None:
             self.graph.relinearise()
@@ -198,7 +200,8 @@ class Smoother:
         places, start = list[int](), float(edge[0])
         last, count = int(graph.edge.rows[-1]), graph.last
         while not places or (count % graph.every and not still[last - 1]):
-            place = next_node(last, edge, still, self._aiding.stops(float(edge[last])), start)
+            aids = self._aiding.stops(float(edge[last]))
+            place = next_node(last, edge, still, aids, start, self._interval)
             if place is None or (places and still[place - 1]):
                 break
             places.append(place)
@@ -211,8 +214,9 @@ class Smoother:
         if prep is not None:
             self._aligned = prep.run.end
             still = self._rest.still
-            every = self._states.every
-            self.graph = Growing(prep, self._inertial, self._odometer, still, self._lag, every)
+            prep = replace(prep, interval=self._interval)
+            back = self._states.every_s
+            self.graph = Growing(prep, self._inertial, self._odometer, still, self._lag, back)
 
     def _nodes(self, edges: list[int], due: float) -> None:
         """More nodes, and what is known with each."""

@@ -107,7 +107,7 @@ def test_shedding_old_nodes_changes_nothing(
 ) -> None:
     short = cut(prep, 200.0)
     t, p = positions(incremental.replayed(short, None))
-    monkeypatch.setattr(growing, "KEPT", 40)
+    monkeypatch.setattr(growing, "KEPT_S", 22.0)
     monkeypatch.setattr(isam, "MOST", 7)
     t_shed, p_shed = positions(incremental.replayed(short, None))
     np.testing.assert_array_equal(t_shed, t)
@@ -171,7 +171,7 @@ def test_nodes_stand_at_rests_fixes_and_seconds() -> None:
     still = ((edge[:-1] > 10.3) & (edge[:-1] < 25.7)).astype(float)
     fixes = np.array([2.4, 2.5, 3.3, 15.0])
     nodes = [0]
-    while (found := next_node(nodes[-1], edge, still, fixes, 0.0)) is not None:
+    while (found := next_node(nodes[-1], edge, still, fixes, 0.0, 1.0)) is not None:
         nodes.append(found)
     t = edge[nodes]
     near = [0, 1, 2, 2.4, 3, 3.3, 4, 5, 6, 7, 8, 9, 10, 10.35, 20.35, 25.7, 26]
@@ -179,9 +179,18 @@ def test_nodes_stand_at_rests_fixes_and_seconds() -> None:
     assert np.diff(t).max() < 10.06
     # with less recorded the same nodes, as far as they are known
     part = [0]
-    while (found := next_node(part[-1], edge, still[:500], fixes, 0.0)) is not None:
+    while (found := next_node(part[-1], edge, still[:500], fixes, 0.0, 1.0)) is not None:
         part.append(found)
     assert part == nodes[: len(part)] and len(part) >= 13
+
+
+def test_nodes_stand_as_close_as_told() -> None:
+    edge, still = np.arange(0, 20, 0.05), np.zeros(399)
+    nodes = [0]
+    while (found := next_node(nodes[-1], edge, still, np.array([3.33]), 0.0, 0.1)) is not None:
+        nodes.append(found)
+    step = np.diff(edge[nodes])
+    assert len(nodes) > 190 and step.max() < 0.151 and step.min() > 0.049
 
 
 def test_samples_one_by_one_and_a_latitude(directory: Path) -> None:

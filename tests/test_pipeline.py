@@ -171,6 +171,18 @@ def test_rows_per_second(tracked: Path) -> None:
     assert np.quantile(np.abs(step), 0.999) < 0.05
 
 
+def test_more_nodes_tell_the_same_path(tracked: Path) -> None:
+    usual, dense = (smoothed(tracked, *QUICK, "--nodes", hz) for hz in (1, 5))
+    folders = usual, dense
+    counts = [json.loads((d / "summary.json").read_text())["solver"]["nodes"] for d in folders]
+        json.loads((d / "summary.json").read_text())["solver"]["nodes"] for d in (usual, dense)
+    ]
+    assert counts[1] > 3 * counts[0]
+    one, other = trajectory(usual), trajectory(dense)
+    for axis in "en":
+        assert (np.abs(one[axis] - other[axis]) < one[f"sd_{axis}"]).all()
+
+
 def test_path_hits_the_nodes(tracked: Path) -> None:
     path = tracked / "run.csv.gz"
     vehicle = load_vehicle(None, path)

@@ -42,6 +42,8 @@ class Case:
     imu_hz: int
     mode: str = "batch"
     gnss: bool = False
+    kind: str = "tracked"
+    nodes_hz: float = 1.0
     spare: bool = False
 
 
@@ -52,6 +54,10 @@ CASES = {
     "4000s-200hz-gnss": Case(4000.0, 200, gnss=True),
     "4000s-100hz-incremental": Case(4000.0, 100, "incremental"),
     "4000s-200hz-incremental": Case(4000.0, 200, "incremental", spare=True),
+    "3848s-wheeled": Case(3848.0, 100, kind="wheeled", spare=True),
+    "3848s-wheeled-incremental": Case(3848.0, 100, "incremental", kind="wheeled"),
+    "4000s-10hz-nodes": Case(4000.0, 100, nodes_hz=10.0, spare=True),
+    "4000s-10hz-nodes-incremental": Case(4000.0, 100, "incremental", nodes_hz=10.0, spare=True),
     "10h-100hz": Case(36000.0, 100, spare=True),
     "10h-100hz-incremental": Case(36000.0, 100, "incremental", spare=True),
 }
@@ -62,19 +68,21 @@ def run_of(case: Case, cache: Path) -> Path:
     from graphnav.simulation import simulate
 
     fixes = "-gnss" if case.gnss else ""
-    where = cache / f"bench-tracked-{case.duration:.0f}s-{case.imu_hz}hz{fixes}-{SEED}"
+    where = cache / f"bench-{case.kind}-{case.duration:.0f}s-{case.imu_hz}hz{fixes}-{SEED}"
     if not (where / "run.csv.gz").exists():
         chosen: dict[str, Any] = {"gnss": case.gnss, "rate_hz": case.imu_hz}
-        simulate("tracked", where, SEED, duration=case.duration, **chosen)
+        simulate(case.kind, where, SEED, duration=case.duration, **chosen)
     return where / "run.csv.gz"
 
 
 def measured(name: str, cache: Path) -> Measured:
     """One case in a fresh process."""
-    run = run_of(CASES[name], cache)
+    case = CASES[name]
+    run = run_of(case, cache)
     with tempfile.TemporaryDirectory(prefix="graphnav-bench-") as scratch:
         out = Path(scratch) / "result"
-        command = [sys.executable, __file__, "--child", CASES[name].mode, str(run), str(out)]
+        how = [case.mode, str(case.nodes_hz), str(run), str(out)]
+        command = [sys.executable, __file__, "--child", *how]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise SystemExit(f"bench: {name} failed: {done.stderr.strip().splitlines()[-1]}")
@@ -105,7 +113,7 @@ def _merged(
     return total
 
 
-def child(mode: str, run: str, out: str) -> None:
+def child(mode: str, nodes_hz: str, run: str, out: str) -> None:
     """What the fresh process does; one line of JSON to stdout."""
     before = workload()
     began = time.perf_counter()
@@ -113,7 +121,8 @@ def child(mode: str, run: str, out: str) -> None:
     from graphnav.progress import Stages
 
     imported = time.perf_counter()
-    smooth(Path(run), out=Path(out), mode=mode, progress=Stages(show=False))
+    quiet = Stages(show=False)
+    smooth(Path(run), out=Path(out), mode=mode, nodes_hz=float(nodes_hz), progress=quiet)
     ended = time.perf_counter()
     told = {"importing": imported - began, "seconds": ended - began}
     print(json.dumps(told | {"unit": 0.5 * (before + workload())}))
@@ -215,7 +224,7 @@ def write(found: dict[str, Measured], path: Path) -> None:
 def main() -> None:
     """Command line."""
     if sys.argv[1:2] == ["--child"]:
-        child(*sys.argv[2:5])
+        child(*sys.argv[2:6])
         return
     assert __doc__ is not None
     parser = argparse.ArgumentParser(
