@@ -6,11 +6,13 @@ far iSAM2's own is from the batch solution of the same factors is told with it.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from time import perf_counter
 from typing import Any
 
 import numpy as np
 
 from factors.block import POSITION
+from graphnav.aside import Aside
 from graphnav.elimination import eliminate, linear_system, step
 from graphnav.growing import Growing
 from graphnav.known import Known
@@ -32,25 +34,36 @@ class Replayed:
     smoothed: Smoothed
     known: list[Known]  # by node, in order of time
     solver: dict[str, Any]  # for summary.json
+    peak_memory_mb: float  # of the replay
 
 
 def smooth(
     prep: Prepared, lag: float | None = None, told: Callable[[str], None] = lambda _: None
 ) -> Replayed:
-    """Replay a run, then smooth it; `lag` s as in `Smoother`.
+    """Replay a run in another process while this one smooths it; `lag` s as in `Smoother`.
 
     Raises InputError when the stream never learns where it starts, though the batch might.
     """
-    told("incremental")
+    with Aside(f"{__name__}:known_and_solver") as stream:
+        stream.call(prep, lag)
+        smoothed = smooth_batch(prep, told)
+        told("incremental")
+        known, solver = stream.result()
+    return Replayed(smoothed, known, solver, stream.peak_memory_mb)
+
+
+def known_and_solver(prep: Prepared, lag: float | None) -> tuple[list[Known], dict[str, Any]]:
+    """What the stream knew at each node and how it fared, for summary.json."""
+    began = perf_counter()
     stream = replayed(prep, lag)
+    took = perf_counter() - began
     assert stream.graph is not None
-    told("incremental against batch")
-    solver = latencies(stream.history) | {
+    return stream.history, latencies(stream.history) | {
+        "incremental_s": round(took, 3),
         "isam_minus_batch_max_m": distance_from_batch(stream.graph),
         "lag_s": lag,
         "nodes_incremental": stream.graph.last + 1,
     }
-    return Replayed(smooth_batch(prep, told), stream.history, solver)
 
 
 def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoother:

@@ -100,6 +100,7 @@ def solve(
         from graphnav import incremental
 
         replay = incremental.smooth(prep, lag, told)
+        told.beside(replay.peak_memory_mb)
         solved = finish(replay.smoothed)
         known = incremental.causal(replay, prep)
         return replace(solved, solver=solved.solver | replay.solver, causal=known)
