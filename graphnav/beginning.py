@@ -7,10 +7,16 @@ import numpy as np
 from graphnav import calibrations
 from graphnav.aiding import Aiding, usual_fix
 from graphnav.alignment import LEVELLING_S, Alignment, align
-from graphnav.corrections import Correction
+from graphnav.corrections import Correction, correction_table
 from graphnav.errors import InputError
-from graphnav.intake import Distance, Inertial, Rest
-from graphnav.preparation import Prepared, inertial_noise, standing_start
+from graphnav.intake import Distance, Inertial, Rest, Sides
+from graphnav.preparation import (
+    Prepared,
+    inertial_noise,
+    params,
+    standing_start,
+    two_sided,
+)
 from graphnav.run import Run
 from graphnav.vehicle import Vehicle
 
@@ -24,7 +30,7 @@ class Beginning:
     def __init__(
         self,
         vehicle: Vehicle,
-        table: dict[str, Correction],
+        table: dict[str, Correction] | None,
         inertial: Inertial,
         rest: Rest,
         aiding: Aiding,
@@ -36,13 +42,15 @@ class Beginning:
         self._looked = 0.0  # s, until when it was tried
         self.why: InputError | None = None  # it was not possible
 
-    def attempt(self, ready: int, odometer: Distance | None) -> Prepared | None:
+    def attempt(
+        self, ready: int, odometer: Distance | None, sides: Sides | None
+    ) -> Prepared | None:
         """The alignment with all that goes with it, once possible with the judged increments."""
         edge = self._inertial.edge.rows
         while ready and edge[ready] - edge[0] >= self._looked + 1.0:
             self._looked += 1.0
             until = int(np.searchsorted(edge, edge[0] + self._looked - 1e-9))
-            run = self._so_far(float(edge[until]), odometer)
+            run = self._so_far(float(edge[until]), odometer, sides)
             inc = self._inertial.between(0, until)
             rested = standing_start(self._rest.spans(edge, until), inc)
             if self._waits(run, rested, until):
@@ -62,7 +70,7 @@ class Beginning:
             return True
         return rested == 0 and self._looked < LEVELLING_S
 
-    def _so_far(self, until: float, odometer: Distance | None) -> Run:
+    def _so_far(self, until: float, odometer: Distance | None, sides: Sides | None) -> Run:
         """What came until a time, as a run."""
         gnss, heading = self._aiding.until(until)
         return Run(
@@ -71,7 +79,7 @@ class Beginning:
             end=until,
             imu=None,
             odometer=None if odometer is None else odometer.around(0.0, until),
-            sides=None,
+            sides=None if sides is None else sides.around(0.0, until),
             gnss=gnss,
             heading=heading,
             rover=None,
@@ -80,6 +88,8 @@ class Beginning:
     def _prepared(self, run: Run, alignment: Alignment) -> Prepared:
         """What the factors need beside the sensors, which come interval by interval."""
         gnss, vehicle = run.gnss, self._vehicle
+        both = two_sided(run, vehicle)
+        table = self._table or correction_table(params(vehicle, both))
         if gnss is None and self._expects_fixes:
             gnss = usual_fix(vehicle.gnss.sd)
         return Prepared(
@@ -91,8 +101,8 @@ class Beginning:
             still=np.zeros(1, bool),
             rests=np.zeros((0, 2)),
             alignment=alignment,
-            table=self._table,
-            layout=calibrations.layout(vehicle, self._table, gnss, two_sided=False),
+            table=table,
+            layout=calibrations.layout(vehicle, table, gnss, both),
             gnss=None,
             fixes_n=np.zeros((0, 3)),
             rocking=np.zeros(3),

@@ -3,13 +3,11 @@
 import numpy as np
 
 from factors.preintegration import preintegrate
-from graphnav.corrections import VehicleParams
 from graphnav.densify import densify
 from graphnav.errors import SolutionError
 from graphnav.growing import Growing, Window
 from graphnav.kinematics import kinematics
 from graphnav.motion_states import recognise
-from graphnav.preparation import params
 from graphnav.vehicle import Vehicle
 
 EVERY_S, EVERY_OTHER_S = 10.0, 20.0  # between looks back, with states to be told and without
@@ -25,16 +23,16 @@ class CausalStates:
     """
 
     def __init__(self, vehicle: Vehicle) -> None:
-        self._params: VehicleParams | None = params(vehicle) if vehicle.kind == "tracked" else None
-        self.now = "straight_high" if self._params else "moving"
-        self.every_s = EVERY_S if self._params else EVERY_OTHER_S
+        self._has_gears = vehicle.kind == "tracked"
+        self.now = "straight_high" if self._has_gears else "moving"
+        self.every_s = EVERY_S if self._has_gears else EVERY_OTHER_S
 
     def follow(self, graph: Growing, window: Window) -> None:
         """Recognise the window's states again."""
-        first, times = window.first, graph.time.rows[window.first :]
-        if self._params is None or times[-1] - times[0] < SHORTEST_S:
+        first, times = window.first, graph.log.time.rows[window.first :]
+        if not self._has_gears or times[-1] - times[0] < SHORTEST_S:
             return
-        prep, nodes = graph.sensed(first, graph.last)
+        prep, nodes = graph.log.sensed(first, graph.last)
         if prep.run.odometer is None:
             return
         estimate = window.estimate
@@ -43,11 +41,11 @@ class CausalStates:
         )
         path = densify(prep.inc, pre, nodes, estimate, prep.alignment.origin)
         try:
-            line = recognise(kinematics(prep, path, estimate, nodes), self._params)
+            line = recognise(kinematics(prep, path, estimate, nodes), prep.params)
         except SolutionError:
             return
         middle = 0.5 * (times[1:] + times[:-1])
         told = line.state_at(middle).tolist()
         self.now = told[-1]
         for k in np.flatnonzero((middle > times[0] + SETTLING_S) | (first == 0)).tolist():
-            graph.states[first + k] = told[k]
+            graph.log.states[first + k] = told[k]

@@ -18,19 +18,17 @@ from factors.calibration import prior as calibration_prior
 from factors.calibration import walk
 from factors.inertial import predict
 from factors.preintegration import Preintegrated
-from graphnav.aiding import Aid, joined
+from graphnav.aiding import Aid
 from graphnav.assembly import Rows, stacked
 from graphnav.earth import Origin
 from graphnav.estimate import Estimate
-from graphnav.intake import Distance, Inertial
 from graphnav.isam import Tree
-from graphnav.nodes import SEGMENT_S, Nodes, room_of
-from graphnav.preparation import Prepared
-from graphnav.problem import Problem, build
+from graphnav.node_log import NodeLog
+from graphnav.nodes import room_of
+from graphnav.problem import Problem
 from graphnav.run import Array
 from graphnav.smoother import FIRST
 from graphnav.tape import Tape
-from graphnav.timeline import Timeline
 
 BACK_S = 20.0  # s of the newest nodes that are linearised anew
 GROWTH, FIRST_GROWTH = 2.0, 60  # of the run's length between relinearisations of all; nodes
@@ -51,82 +49,44 @@ class Window:
 class Growing:
     """Nodes 0 to `last`, their intervals and the iSAM2 tree that holds them."""
 
-    def __init__(
-        self,
-        prep: Prepared,
-        inertial: Inertial,
-        odometer: Distance | None,
-        still: Tape,
-        lag: float | None,
-        every_s: float,
-    ) -> None:
-        """`prep` carries alignment, noise and layout; its sensors are those of each interval.
-
-        `still` 0 or 1 by increment. With `lag` s nothing older is ever linearised again. The
-        newest are every `every_s`.
+    def __init__(self, log: NodeLog, lag: float | None, every_s: float) -> None:
+        """`log` with node 0 alone, as aligned. With `lag` s nothing older is ever linearised
+        again; the newest are every `every_s`.
         """
-        self.prep, self._inertial, self._odometer = prep, inertial, odometer
-        self._still, self._lag = still, lag
+        self.log, self._lag = log, lag
+        prep = log.prep
         self.every = max(1, round(every_s / prep.interval))  # nodes
         self._kept = round((KEPT_S + (lag or 0.0)) / room_of(prep.interval))
-        self.edge, self.time = Tape(), Tape()
         self._R, self._v, self._p, self._phase = Tape(3, 3), Tape(3), Tape(3), Tape()
-        self._node_tapes = (self._R, self._v, self._p, self._phase)
-        self._c, self.segment_time, self.segment = Tape(prep.layout.dim), Tape(), Tape()
-        self.states: list[str] = []  # of each interval
-        self._aids: list[Aid] = []  # of each node
+        self._c = Tape(prep.layout.dim)
         self._swept = FIRST_GROWTH  # nodes when all were last relinearised
         self._unit = UNIT * prep.layout.prior_sd
         self._tree = Tree(self._unit)
         # error state and covariance of the newest node
         self._tip = (np.zeros(NODE_DIM), np.zeros((NODE_DIM, NODE_DIM)))
-        self._begin()
+        start, c = prep.alignment.start, prep.layout.prior.copy()
+        c[:3] = prep.alignment.gyro_bias
+        aligned = (start.R_nb, start.v_n, start.p_n, np.zeros(()), c)
+        for tape, x in zip(self._tapes, aligned, strict=True):
+            tape.push(x)
+
+    @property
+    def _tapes(self) -> tuple[Tape, ...]:
+        return self._R, self._v, self._p, self._phase, self._c
 
     @property
     def last(self) -> int:
         """Number of the newest node."""
-        return len(self.time) - 1
-
-    def _begin(self) -> None:
-        """Node 0 as aligned."""
-        known = self.prep.alignment.start
-        c = self.prep.layout.prior.copy()
-        c[:3] = self.prep.alignment.gyro_bias
-        self._place(0, Aid())
-        self._R.rows[0], self._v.rows[0], self._p.rows[0] = known.R_nb, known.v_n, known.p_n
-        self._c.push(c)
-        self.segment_time.push(float(self.time.rows[0]) + 0.5 * SEGMENT_S)
-
-    def _place(self, edge: int, aid: Aid) -> None:
-        """A node at an edge; its state is filled in later."""
-        self.edge.push(edge)
-        self.time.push(self._inertial.edge.rows[edge])
-        for tape in self._node_tapes:
-            tape.push(0.0)
-        self._aids.append(aid)
+        return self.log.last
 
     def base(self, first: int, last: int) -> Estimate:
         """Where the error states of nodes `first` to `last` are zero."""
-        on, seg = slice(first, last + 1), self._segments(first, last)
-        R, v, p, phase = (x.rows[on] for x in self._node_tapes)
-        return Estimate(R, v, p, phase, self._c.rows[seg])
-
-    def _segments(self, first: int, last: int) -> slice:
-        """Segments in force from node `first` to node `last`, or before a single node."""
-        if not len(self.segment):
-            return slice(0, 1)
-        s = self.segment.rows
-        start = first if first < last else max(first - 1, 0)
-        return slice(int(s[start]), int(s[max(last - 1, 0)]) + 1)
-
-    def at(self, first: int, last: int) -> Estimate:
-        """The estimate of nodes `first` to `last` and of the segments between them."""
-        return self.base(first, last).retract(*self._error(first, last))
+        on = slice(first, last + 1)
+        R, v, p, phase = (x.rows[on] for x in self._tapes[:4])
+        return Estimate(R, v, p, phase, self._c.rows[self.log.segments(first, last)])
 
     def _error(self, first: int, last: int) -> tuple[Array, Array]:
-        seg = self._segments(first, last)
-        if not len(self.segment):
-            return np.zeros((1, NODE_DIM)), np.zeros((1, self.prep.layout.dim))
+        seg = self.log.segments(first, last)
         return self._tree.nodes(first, last + 1), self._tree.segments(seg.start, seg.stop)
 
     def everything(self) -> Estimate:
@@ -135,12 +95,12 @@ class Growing:
 
     def whole(self, at: Estimate) -> Problem:
         """The batch's problem over all nodes."""
-        return self.problem(0, self.last, at)
+        return self.log.problem(0, self.last, at)
 
     @property
     def origin(self) -> Origin:
         """The frame n."""
-        return self.prep.alignment.origin
+        return self.log.prep.alignment.origin
 
     def newest(self, i: int) -> tuple[Array, Array, Array, Array]:
         """Attitude, velocity, position and covariance (9, 9) of the node that entered last."""
@@ -154,54 +114,22 @@ class Growing:
         R = self._R.rows[i] @ so3.exp(x[ROTATION])
         return R, self._v.rows[i] + x[VELOCITY], self._p.rows[i] + x[POSITION], P[:9, :9]
 
-    def nodes(self, first: int, last: int) -> Nodes:
-        """Nodes `first` to `last`, segments numbered from the first of them."""
-        edge = self.edge.rows[first : last + 1].astype(np.int64)
-        segment = self.segment.rows[first:last].astype(np.int64)
-        seg = slice(int(segment[0]), int(segment[-1]) + 1)
-        own = segment - segment[0]
-        return Nodes(
-            edge - edge[0], self.time.rows[first : last + 1], own, self.segment_time.rows[seg]
-        )
-
-    def sensed(self, first: int, last: int) -> tuple[Prepared, Nodes]:
-        """What the sensors said between two nodes."""
-        nodes = self.nodes(first, last)
-        a, b = int(self.edge.rows[first]), int(self.edge.rows[last])
-        t = nodes.time
-        near = self._odometer and self._odometer.around(float(t[0]), float(t[-1]))
-        gnss, fixes_n, heading = joined(self._aids[first + 1 if first else 0 : last + 1])
-        prep = replace(
-            self.prep,
-            run=replace(self.prep.run, odometer=near or None, gnss=gnss, heading=heading),
-            inc=self._inertial.between(a, b),
-            still=self._still.rows[a:b] > 0,
-            gnss=gnss,
-            fixes_n=fixes_n,
-        )
-        return prep, nodes
-
-    def problem(self, first: int, last: int, at: Estimate) -> Problem:
-        """The batch's factors between two nodes, increments integrated with the biases of `at`."""
-        prep, nodes = self.sensed(first, last)
-        t, names = nodes.time, np.array(self.states[first:last])
-        return build(prep, nodes, Timeline(t[:-1], t[1:], names, np.ones(len(names))), at, {})
-
     def window(self) -> Window:
         """The newest node alone, or those of the last seconds when a sweep is due."""
         n = self.last
         if n == 0 or n % self.every:
-            seg = self._segments(n, n)
+            seg = self.log.segments(n, n)
             x = self._tip[0][None]
             c = self._tree.segments(seg.start, seg.stop) if n else self._c.rows * 0.0
             return Window(n, self.base(n, n).retract(x, c), x, c)
-        return self._since(int(np.searchsorted(self.time.rows, self.time.rows[-1] - BACK_S)))
+        time = self.log.time.rows
+        return self._since(int(np.searchsorted(time, time[-1] - BACK_S)))
 
     def _since(self, first: int) -> Window:
         """The nodes from `first` on, as far as the lag goes back."""
         if self._lag is not None:
-            oldest = float(self.time.rows[-1]) - self._lag
-            first = max(first, int(np.searchsorted(self.time.rows, oldest)))
+            oldest = float(self.log.time.rows[-1]) - self._lag
+            first = max(first, int(np.searchsorted(self.log.time.rows, oldest)))
         x, c = self._tree.everything() if first == 0 else self._error(first, self.last)
         return Window(first, self.base(first, self.last).retract(x, c), x, c)
 
@@ -214,19 +142,17 @@ class Growing:
         yields each when it has.
         """
         n, first, known = self.last, window.first, window.estimate
-        before = int(self.segment.rows[-1]) if n else 0
+        before = len(self._c) - 1
         ties = []
         for edge, aid in zip(edges, aids, strict=True):
-            ties.append(self._next_segment(known.calibration[-1:]))
-            self.segment.push(len(self._c) - 1)
-            self.states.append(state)
-            self._place(edge, aid)
-        problem = self.problem(first, self.last, self._ahead(known, n, None))
+            new = self.log.extend(edge, state, aid)
+            ties.append(self._tie(known.calibration[-1:], new))
+        problem = self.log.problem(first, self.last, self._ahead(known, n, None))
         estimate = self._ahead(known, n, problem.pre)
         rows = self._rows(problem.linearise(estimate), first)
         if first < n:
             self._exchange(window, rows.between(0, n - first))
-        segment: Index = self.segment.rows[n:].astype(np.int64)
+        segment: Index = self.log.segment.rows[n:].astype(np.int64)
         x = np.concatenate([window.x[-1:], np.zeros((len(edges), NODE_DIM))])
         c = np.where((segment == before)[:, None], window.c[-1:], 0.0)
         rows = rows.between(n - first, self.last - first).in_base(x, c).in_unit(self._unit)
@@ -247,7 +173,7 @@ class Growing:
         becomes. Without `pre` they are where node `n` is.
         """
         count = self.last - n
-        origin = self.prep.alignment.origin
+        origin = self.origin
         R, v, p = known.R_nb[-1], known.v_n[-1], known.p_n[-1]
         g = origin.gravity(p)
         path = []
@@ -256,9 +182,10 @@ class Growing:
                 R, v, p = predict(pre, len(pre.T) - count + k, R, v, p, g, origin.Omega_n)
             path.append((R, v, p))
         R_nb, v_n, p_n = (np.array(x) for x in zip(*path, strict=True))
-        for tape, x in zip((self._R, self._v, self._p), (R_nb, v_n, p_n), strict=True):
-            tape.rows[n + 1 :] = x
-        more = len(self._c) - int(self.segment.rows[n - 1] if n else 0) - 1
+        for tape, rows in zip(self._tapes[:4], (R_nb, v_n, p_n, np.zeros(count)), strict=True):
+            tape.cut(n + 1)
+            tape.append(rows)
+        more = len(self._c) - self.log.segments(n, n).stop
         return Estimate(
             np.concatenate([known.R_nb, R_nb]),
             np.concatenate([known.v_n, v_n]),
@@ -267,18 +194,15 @@ class Growing:
             np.concatenate([known.calibration, np.repeat(known.calibration[-1:], more, 0)]),
         )
 
-    def _next_segment(self, c: Array) -> list[gtsam.JacobianFactor]:
-        """When node `last` is past the end of its segment: a new one and what ties it."""
-        if not len(self.segment):
-            return self._tied(calibration_prior(self.prep.layout, c), 0)
-        k, start = len(self._c), float(self.time.rows[0])
-        number = (float(self.time.rows[-1]) - start + 1e-6) // SEGMENT_S
-        middle = start + (number + 0.5) * SEGMENT_S
-        if middle < self.segment_time.rows[-1] + 1e-6:
+    def _tie(self, c: Array, new: bool) -> list[gtsam.JacobianFactor]:
+        """What ties the segment of the newest interval, if it is `new` or the first: one at `c`."""
+        k, layout = len(self._c), self.log.prep.layout
+        if self.last == 1:
+            return self._tied(calibration_prior(layout, c), 0)
+        if not new:
             return []
         self._c.append(c)
-        self.segment_time.push(middle)
-        (step,) = walk(self.prep.layout, self._c.rows[-2:], self.segment_time.rows[-2:], ())
+        (step,) = walk(layout, self._c.rows[-2:], self.log.segment_time.rows[k - 1 : k + 1], ())
         return self._tied(step, k - 1)
 
     def _tied(self, block: Block, first: int) -> list[gtsam.JacobianFactor]:
@@ -289,21 +213,21 @@ class Growing:
         return list(replace(block, terms=tuple(terms)).jacobian_factors())
 
     def _rows(self, blocks: list[Block], first: int) -> Rows:
-        dim = self.prep.layout.dim
+        dim = self.log.prep.layout.dim
         return stacked(blocks, self.last - first, dim, FIRST, begins=first == 0)
 
     def relinearise(self) -> None:
         """Linearise every interval again at the present estimate, as far as the lag goes back."""
         window = self._since(0)
         if window.first < self.last:
-            problem = self.problem(window.first, self.last, window.estimate)
+            problem = self.log.problem(window.first, self.last, window.estimate)
             rows = self._rows(problem.linearise(window.estimate), window.first)
             self._exchange(window, rows)
 
     def _exchange(self, window: Window, rows: Rows) -> None:
         """Put a window's rows, linearised and weighed at its estimate, in the place of the old."""
         first = window.first
-        segment: Index = self.segment.rows[first : first + len(window.x) - 1].astype(np.int64)
+        segment: Index = self.log.segment.rows[first : first + len(window.x) - 1].astype(np.int64)
         rows = rows.weighted(-rows.b).in_base(window.x, window.c[segment - segment[0]])
         keys = self._tree.keys(first, segment.tolist())
         factors = list(rows.in_unit(self._unit).factors(*keys))

@@ -100,6 +100,9 @@ def _give(stream: Smoother, run: Run, start: float, end: float) -> None:
             stream.add_odometer(odometer.time[on], pulses=counts)
         else:
             stream.add_odometer(odometer.time[on], speed=odometer.speed[on])
+    if run.sides is not None:
+        on = inside(run.sides.time)
+        stream.add_sides(run.sides.time[on], run.sides.left[on], run.sides.right[on])
     if gnss is not None:
         on = inside(gnss.time)
         stream.add_gnss(

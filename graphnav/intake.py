@@ -12,7 +12,7 @@ import numpy as np
 from factors.preintegration import Increments
 from graphnav.increments import GRID_S, NEIGHBOURS, increments
 from graphnav.nodes import REST_INTERVAL_S, room_of
-from graphnav.run import Array, Imu, Odometer
+from graphnav.run import Array, Imu, Odometer, SideSpeeds
 from graphnav.standstill import QUIET_FORCE, QUIET_RATE, SHORTEST_S, Mask, quietness, spans
 from graphnav.tape import Tape
 
@@ -116,13 +116,32 @@ class Distance:
 
     def around(self, start: float, end: float) -> Odometer | None:
         """The samples that matter between two times, or None when fewer than two came yet."""
-        t = self._tape.rows[:, 0]
-        first = max(int(np.searchsorted(t, start - MARGIN_S)) - MARGIN_SAMPLES, 0)
-        last = int(np.searchsorted(t, end + LOOK_AHEAD_S, side="right"))
-        part = self._tape.rows[first:last]
+        part = self._tape.rows[_around(self._tape.rows[:, 0], start, end)]
         if len(part) < 2:
             return None
         return Odometer(part[:, 0], part[:, 1], part[:, 2], self.pulse)
+
+
+class Sides:
+    """Speeds of both sides as they come."""
+
+    def __init__(self) -> None:
+        self._tape = Tape(3)  # time, left, right
+
+    def add(self, time: Array, left: Array, right: Array) -> None:
+        """Times (n,) s and speeds (n,) m/s."""
+        self._tape.append(np.column_stack([time, left, right]))
+
+    def around(self, start: float, end: float) -> SideSpeeds | None:
+        """The samples that matter between two times, or None when fewer than two came yet."""
+        part = self._tape.rows[_around(self._tape.rows[:, 0], start, end)]
+        return SideSpeeds(part[:, 0], part[:, 1], part[:, 2]) if len(part) > 1 else None
+
+
+def _around(t: Array, start: float, end: float) -> slice:
+    """Which samples at times t (n,) matter between two times."""
+    first = max(int(np.searchsorted(t, start - MARGIN_S)) - MARGIN_SAMPLES, 0)
+    return slice(first, int(np.searchsorted(t, end + LOOK_AHEAD_S, side="right")))
 
 
 class Rest:

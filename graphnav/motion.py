@@ -50,14 +50,22 @@ def motion_factors(
         velocities = _velocities(prep, nodes, pre, state, moving, odometer, at, scales)
         return [velocities, _phase(nodes, 0.0)], {"velocity": driven(prep, state[moving])}
     sums = sums_of(prep, nodes, pre, at)
-    begin, end = nodes.time[moving], nodes.time[moving + 1]
-    on = moving[(begin >= odometer.time[0] - 0.1) & (end <= odometer.time[-1] + 0.1)]
+    on = _inside(moving, nodes, odometer.time)
     factors = [_displacements(prep, nodes, sums, state, on, scales), _phase(nodes, odometer.pulse)]
     groups = {"displacement": driven(prep, state[on])}
-    if "track_width" in prep.layout.slices:
+    sides = prep.run.sides
+    if "track_width" in prep.layout.slices and sides is not None:
+        on = _inside(moving, nodes, sides.time)
         factors.append(_track_width(prep, nodes, on, at, scales))
         groups["track_width"] = np.full(len(on), "")
     return factors, groups
+
+
+def _inside(moving: Index, nodes: Nodes, time: Array) -> Index:
+    """The intervals a sensor's samples (n,) s cover."""
+    begin, end = nodes.time[moving], nodes.time[moving + 1]
+    covered = (begin >= time[0] - REACH_S) & (end <= time[-1] + REACH_S)
+    return np.asarray(moving[covered])
 
 
 def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> OdometerSums:

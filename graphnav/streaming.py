@@ -11,13 +11,13 @@ from factors.preintegration import Increments
 from graphnav.aiding import Aiding
 from graphnav.beginning import Beginning
 from graphnav.causal_states import CausalStates
-from graphnav.corrections import Correction, correction_table
+from graphnav.corrections import Correction
 from graphnav.errors import InputError
 from graphnav.growing import Growing
-from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, next_node
+from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, Sides, next_node
 from graphnav.known import Known
+from graphnav.node_log import NodeLog, Sensors
 from graphnav.nodes import INTERVAL_S, room_of
-from graphnav.preparation import params
 from graphnav.read import FASTEST
 from graphnav.run import Array
 from graphnav.standstill import rocking
@@ -75,15 +75,15 @@ class Smoother:
         self.vehicle = vehicle
         self._lag = lag
         self._expects = fixes and vehicle.gnss.use
-        self._table = table or correction_table(params(vehicle))
         self._interval = interval
         self._clock = clock  # at time 0
         self._inertial, self._rest = Inertial(), Rest()
         self._odometer: Distance | None = None
+        self._sides: Sides | None = None
         self._aiding = Aiding(self._expects)
         self.graph: Growing | None = None
         self._beginning = Beginning(
-            vehicle, self._table, self._inertial, self._rest, self._aiding, self._expects
+            vehicle, table, self._inertial, self._rest, self._aiding, self._expects
         )
         self._states = CausalStates(vehicle)
         self.history: list[Known] = []
@@ -117,6 +117,13 @@ class Smoother:
             self._odometer.add_speed(t, np.atleast_1d(np.asarray(speed, np.float64)))
         else:
             self._odometer.add_pulses(t, np.atleast_1d(np.asarray(pulses, np.float64)), FASTEST)
+
+    def add_sides(self, time: ArrayLike, left: ArrayLike, right: ArrayLike) -> None:
+        """Speeds of both sides (n,) m/s, for the turn they tell; their mean is no odometer yet."""
+        t = self._since_start(time)
+        if self._sides is None:
+            self._sides = Sides()
+        self._sides.add(t, *(np.atleast_1d(np.asarray(v, np.float64)) for v in (left, right)))
 
     def add_gnss(
         self,
@@ -156,7 +163,7 @@ class Smoother:
         if self.graph is None:
             raise self._beginning.why or InputError("no inertial samples, or too few to align")
         edge = self._inertial.edge.rows
-        if edge[-1] - self.graph.time.rows[-1] > room_of(self._interval):
+        if edge[-1] - self.graph.log.time.rows[-1] > room_of(self._interval):
             self._nodes([len(edge) - 1], perf_counter())
         if self._lag is None:
             self.graph.relinearise()
@@ -198,7 +205,7 @@ class Smoother:
         edge, still, graph = self._inertial.edge.rows, self._rest.still.rows, self.graph
         assert graph is not None
         places, start = list[int](), float(edge[0])
-        last, count = int(graph.edge.rows[-1]), graph.last
+        last, count = int(graph.log.edge.rows[-1]), graph.last
         while not places or (count % graph.every and not still[last - 1]):
             aids = self._aiding.stops(float(edge[last]))
             place = next_node(last, edge, still, aids, start, self._interval)
@@ -210,13 +217,13 @@ class Smoother:
 
     def _begin(self, ready: int) -> None:
         """Start the graph when the alignment is done."""
-        prep = self._beginning.attempt(ready, self._odometer)
+        prep = self._beginning.attempt(ready, self._odometer, self._sides)
         if prep is not None:
             self._aligned = prep.run.end
-            still = self._rest.still
             prep = replace(prep, interval=self._interval)
             back = self._states.every_s
-            self.graph = Growing(prep, self._inertial, self._odometer, still, self._lag, back)
+            sensors = Sensors(self._inertial, self._rest.still, self._odometer, self._sides)
+            self.graph = Growing(NodeLog(prep, sensors), self._lag, back)
 
     def _nodes(self, edges: list[int], due: float) -> None:
         """More nodes, and what is known with each."""
@@ -242,14 +249,14 @@ class Smoother:
     def _known(self, node: int, past: bool = False) -> Known:
         graph = self.graph
         assert graph is not None
-        time = float(graph.time.rows[node]) + (self._clock or 0.0)
+        time = float(graph.log.time.rows[node]) + (self._clock or 0.0)
         state = graph.past(node) if past else graph.newest(node)
         return Known(time, *state, graph.origin, 0.0)
 
     def _leaving(self, now: float) -> list[Known]:
         """The nodes that are `lag` old by now, as they are known now."""
         assert self.graph is not None and self._lag is not None
-        times, first = self.graph.time.rows, self._left
+        times, first = self.graph.log.time.rows, self._left
         self._left = max(int(np.searchsorted(times, now - self._lag, side="right")), first)
         return [self._known(node, past=True) for node in range(first, self._left)]
 
@@ -262,8 +269,9 @@ class Smoother:
         moving = np.flatnonzero(still[:edge] == 0)
         first = int(moving[-1]) + 1 if len(moving) else 0
         inc = self._inertial.between(first, edge)
-        self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]], graph.prep.noise.gyro)
-        graph.prep = replace(graph.prep, rocking=np.median(list(self._rocking.values()), axis=0))
+        self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]], graph.log.prep.noise.gyro)
+        usual = np.median(list(self._rocking.values()), axis=0)
+        graph.log.prep = replace(graph.log.prep, rocking=usual)
 
 
 def _shares(spans: Array, sweep: float) -> list[float]:

@@ -34,3 +34,7 @@ class Tape:
     def push(self, row: Array | float) -> None:
         """Add one row."""
         self.append(np.asarray(row)[None])
+
+    def cut(self, count: int) -> None:
+        """Keep the first `count` rows."""
+        self._count = min(count, self._count)

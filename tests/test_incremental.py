@@ -251,3 +251,30 @@ def test_lag_needs_the_mode(directory: Path, monkeypatch: pytest.MonkeyPatch) ->
 def test_importing_graphnav_stays_fast() -> None:
     code = "import sys, graphnav; sys.exit('gtsam' in sys.modules or 'numpy' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_both_sides_take_part_in_the_stream(tmp_path: Path) -> None:
+    """A skid-steered vehicle whose two sides are recorded: their turn finds the width of skidding
+    in the stream as in the batch.
+    """
+    simulate("tracked", tmp_path / "run", 4, duration=400.0, grade="tactical")
+    path = tmp_path / "run" / "run.csv.gz"
+    table = pd.read_csv(path)
+    turn, there = table["gyro_z"].rolling(20, min_periods=1).mean(), table["odo_pulses"].notna()
+    speed = np.gradient(table.loc[there, "odo_pulses"] * 0.0108, table.loc[there, "time"])
+    width = 4.2
+    for name, way in (("odo_left", -0.5), ("odo_right", 0.5)):
+        table.loc[there, name] = speed + way * width * turn[there]
+    table.drop(columns="odo_pulses").to_csv(path, index=False)
+    vehicle = load_vehicle(None, path)
+    vehicle = vehicle.model_copy(
+        update={"odometer": vehicle.odometer.model_copy(update={"column": "odo_speed"})}
+    )
+    prep = prepare(read_run(path, vehicle), vehicle, use_gnss=True, outages=())
+    graph = incremental.replayed(prep, None).graph
+    assert graph is not None
+    column = prep.layout.column("track_width")
+    assert graph.everything().calibration[-1, column] == pytest.approx(width, abs=0.2)
+    kinds = {block.kind for block in graph.whole(graph.everything()).linearise(graph.everything())}
+    assert "track_width" in kinds
+    assert incremental.distance_from_batch(graph) < 0.05
