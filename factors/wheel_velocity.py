@@ -21,7 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Index, Term
+from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Index, Term, whitened
 from factors.calibration import Component, Layout
 
 Array = NDArray[np.float64]
@@ -57,14 +57,6 @@ def interval(R: Array) -> Interval:
     return Interval(Q, phi, -so3.right_jacobian_inverse(-phi), so3.right_jacobian_inverse(phi))
 
 
-def _block(
-    kind: str, axes: tuple[str, ...], time: Array, residual: Array, sigma: Array, terms: list[Term]
-) -> Block:
-    """Whiten rows by `sigma` (n, r)."""
-    white = [Term(t.family, t.index, t.jacobian / sigma[..., None]) for t in terms]
-    return Block(kind, axes, time, residual / sigma, tuple(white), robust=True)
-
-
 def wheel_displacement(
     sums: WheelSums,
     turn: Interval,
@@ -94,10 +86,10 @@ def wheel_displacement(
     J_c[:, :, at_k] = -so3.mv(H, sums.displacement)
     J_c[:, :, at_b] = -sums.path[:, None] * H[:, :, 0]
     index = np.arange(n)
-    terms = [Term("x", index, J_i), Term("x", index + 1, J_j), Term("c", segment, J_c)]
+    terms = (Term("x", index, J_i), Term("x", index + 1, J_j), Term("c", segment, J_c))
     residual = q + Qc - c_i - so3.mv(H, u)
     axes = ("right", "forward", "up")
-    return _block("wheel_displacement", axes, time[1:], residual, sigma, terms)
+    return whitened("wheel_displacement", axes, time[1:], residual, sigma, terms)
 
 
 def wheel_yaw(
@@ -119,9 +111,9 @@ def wheel_yaw(
     J_c[:, 0, at_k] = -sums.yaw
     J_c[:, 0, at_t] = J_c[:, 0, at_y] = -sums.ahead
     index = np.arange(n)
-    terms = [Term("x", index, J_i), Term("x", index + 1, J_j), Term("c", segment, J_c)]
+    terms = (Term("x", index, J_i), Term("x", index + 1, J_j), Term("c", segment, J_c))
     residual = (turn.phi[:, 2] - k * sums.yaw - stray * sums.ahead)[:, None]
-    return _block("wheel_yaw", ("yaw",), time[1:], residual, sigma[:, None], terms)
+    return whitened("wheel_yaw", ("yaw",), time[1:], residual, sigma[:, None], terms)
 
 
 def tilt(turn: Interval, sigma: Array, time: Array) -> Block:
@@ -130,9 +122,9 @@ def tilt(turn: Interval, sigma: Array, time: Array) -> Block:
     J_i, J_j = np.zeros((n, 2, NODE_DIM)), np.zeros((n, 2, NODE_DIM))
     J_i[:, :, ROTATION], J_j[:, :, ROTATION] = turn.dphi_i[:, :2], turn.dphi_j[:, :2]
     index = np.arange(n)
-    terms = [Term("x", index, J_i), Term("x", index + 1, J_j)]
+    terms = (Term("x", index, J_i), Term("x", index + 1, J_j))
     both = np.repeat(sigma[:, None], 2, axis=1)
-    return _block("tilt", ("pitch", "roll"), time[1:], turn.phi[:, :2], both, terms)
+    return whitened("tilt", ("pitch", "roll"), time[1:], turn.phi[:, :2], both, terms)
 
 
 def level(
@@ -158,8 +150,8 @@ def level(
     J_c[:, :, bias] = -np.eye(3)[:2]
     residual = (force_b - calibration[segment, bias] - up_b)[:, :2]
     both = np.repeat(sigma[:, None], 2, axis=1)
-    terms = [Term("x", node, J), Term("c", segment, J_c)]
-    return _block("level", ("right", "forward"), time, residual, both, terms)
+    terms = (Term("x", node, J), Term("c", segment, J_c))
+    return whitened("level", ("right", "forward"), time, residual, both, terms)
 
 
 def wheel_speed(
@@ -180,9 +172,9 @@ def wheel_speed(
     J[:, :, ROTATION], J[:, :, VELOCITY] = so3.skew(v_b), so3.transpose(R)
     J_c[:, :, at_k] = -u_b
     residual = v_b - calibration[segment, at_k][:, None] * u_b
-    terms = [Term("x", np.arange(n), J), Term("c", segment, J_c)]
+    terms = (Term("x", np.arange(n), J), Term("c", segment, J_c))
     all_axes = np.repeat(sigma[:, None], 3, axis=1)
-    return _block("wheel_speed", ("right", "forward", "up"), time, residual, all_axes, terms)
+    return whitened("wheel_speed", ("right", "forward", "up"), time, residual, all_axes, terms)
 
 
 def unused_phase(phase: Array, time: Array) -> Block:

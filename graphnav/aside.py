@@ -34,7 +34,7 @@ class Aside:
 
     def call(self, *arguments: object) -> None:
         """Let it begin; `result` waits for the end."""
-        self._talk = Thread(target=self._communicate, args=(pickle.dumps(arguments),), daemon=True)
+        self._talk = Thread(target=self._communicate, args=(arguments,), daemon=True)
         self._talk.start()
 
     def result(self) -> Any:
@@ -62,9 +62,9 @@ class Aside:
         else:
             self._talk.join()
 
-    def _communicate(self, arguments: bytes) -> None:
-        with suppress(BrokenPipeError), self._into as into:  # at once: `communicate` dribbles
-            into.write(arguments)
+    def _communicate(self, arguments: tuple[object, ...]) -> None:
+        with suppress(BrokenPipeError), self._into as into:  # `communicate` would dribble
+            pickle.dump(arguments, into, pickle.HIGHEST_PROTOCOL)
         self._said, self._failed = self._process.communicate()
 
 
@@ -74,11 +74,12 @@ def main(function: str, imports: Sequence[str]) -> None:
     module, _, name = function.partition(":")
     for needed in (module, *imports):
         import_module(needed)
-    arguments = sys.stdin.buffer.read()
-    if not arguments:
+    try:
+        arguments = pickle.load(sys.stdin.buffer)
+    except EOFError:
         return  # nobody called
     try:
-        result = getattr(import_module(module), name)(*pickle.loads(arguments))
+        result = getattr(import_module(module), name)(*arguments)
     except GraphnavError as error:
         result = error
     pickle.dump((result, peak_memory_mb()), answer.buffer, pickle.HIGHEST_PROTOCOL)

@@ -43,23 +43,36 @@ class Beginning:
         self.why: InputError | None = None  # it was not possible
 
     def attempt(
-        self, ready: int, odometer: Distance | None, sides: Sides | None
+        self, ready: int, odometer: Distance | None, sides: Sides | None, last: bool = False
     ) -> Prepared | None:
-        """The alignment with all that goes with it, once possible with the judged increments."""
+        """The alignment with all that goes with it, once possible with the judged increments.
+
+        `last`: there will be no more, nothing is waited for.
+        """
         edge = self._inertial.edge.rows
         while ready and edge[ready] - edge[0] >= self._looked + 1.0:
             self._looked += 1.0
             until = int(np.searchsorted(edge, edge[0] + self._looked - 1e-9))
-            run = self._so_far(float(edge[until]), odometer, sides)
-            inc = self._inertial.between(0, until)
-            rested = standing_start(self._rest.spans(edge, until), inc)
-            if self._waits(run, rested, until):
-                continue
-            try:
-                return self._prepared(run, align(run, self._vehicle, inc, rested))
-            except InputError as error:
-                self.why = error
-        return None
+            found = self._tried(until, odometer, sides, waits=True)
+            if found is not None:
+                return found
+        return self._tried(ready, odometer, sides, waits=False) if last and ready else None
+
+    def _tried(
+        self, until: int, odometer: Distance | None, sides: Sides | None, waits: bool
+    ) -> Prepared | None:
+        """The alignment with the first `until` increments, unless more is worth waiting for."""
+        edge = self._inertial.edge.rows
+        run = self._so_far(float(edge[until]), odometer, sides)
+        inc = self._inertial.between(0, until)
+        rested = standing_start(self._rest.spans(edge, until), inc)
+        if waits and self._waits(run, rested, until):
+            return None
+        try:
+            return self._prepared(run, align(run, self._vehicle, inc, rested))
+        except InputError as error:
+            self.why = error
+            return None
 
     def _waits(self, run: Run, rested: float, until: int) -> bool:
         """Whether more is worth waiting for: the end of a rest, levelling, more fixes."""

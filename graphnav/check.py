@@ -31,6 +31,7 @@ def check(run: Run, vehicle: Vehicle, use_gnss: bool = True) -> list[str]:
         findings += _imu_findings(run, run.imu)
         findings += plausibility.driving_findings(run, vehicle)
     if run.odometer is not None:
+        plausibility.check_odometer(run, use_gnss)
         findings += _odometer_findings(run, run.odometer)
     return findings + _aiding_findings(run, vehicle, use_gnss)
 
@@ -74,8 +75,9 @@ def _imu_findings(run: Run, imu: Imu) -> list[str]:
     gaps = np.flatnonzero(imu.dt > GAP_FACTOR * step)
     if len(gaps):
         worst = int(gaps[imu.dt[gaps].argmax()])
+        count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
         found.append(
-            f"the IMU has {len(gaps)} gaps over {GAP_FACTOR * step:.3g} s, the longest "
+            f"the IMU has {count} over {GAP_FACTOR * step:.3g} s, the longest "
             f"{imu.dt[worst]:.3g} s before {_clock(run, imu.time[worst])}: its rates are taken to "
             "hold through them"
         )
@@ -96,8 +98,9 @@ def _odometer_findings(run: Run, odometer: Odometer) -> list[str]:
               if b - a > SILENT_S]  # fmt: skip
     if silent:
         start, end = max(silent, key=lambda span: span[1] - span[0])
+        times = "once" if len(silent) == 1 else f"{len(silent)} times"
         found.append(
-            f"the odometer is silent {len(silent)} times for over {SILENT_S:g} s, the longest from "
+            f"the odometer is silent {times} for over {SILENT_S:g} s, the longest from "
             f"{_clock(run, start)} to {_clock(run, end)}"
         )
     if not np.ptp(odometer.distance) > 0:

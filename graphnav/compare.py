@@ -61,8 +61,8 @@ def compare(trajectory: "DataFrame", truth: "DataFrame") -> Comparison:
     inside = (time >= own[0]) & (time <= own[-1])
     if not inside.any():
         raise InputError(
-            f"truth ({time[0]:.10g} to {time[-1]:.10g}) and result ({own[0]:.10g} to "
-            f"{own[-1]:.10g}) share no time; both must be on the run file's clock"
+            f"truth ({time[0]:.15g} to {time[-1]:.15g}) and result ({own[0]:.15g} to "
+            f"{own[-1]:.15g}) share no time; both must be on the run file's clock"
         )
     pair = _Pair(trajectory, truth[inside], own, time[inside])
     error = pair.position_error(_origin(truth))

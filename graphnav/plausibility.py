@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 FASTEST_TURN = 6.0  # rad/s kept up for a second: no land vehicle turns a revolution that fast
 STILL_FORCE = 0.02  # m/s^2, change of the mean force from one second to the next, at rest
 UP_SHARE = 0.8  # of gravity that must lie on the up axis (37 deg of slope)
+EARTH_RADIUS = 6.37e6  # m
+TRAVELLED_M = 100.0  # between fixes; less may be their scatter
 DEG_CURE = 'set [columns] gyro = { unit = "deg/s" } in the vehicle file'
 COMMON = ("RFU", "FLU", "FRD", "LBU", "BRU", "RBD", "LFD", "BLD")
 
@@ -143,6 +145,20 @@ def _centripetal_finding(run: Run, now: Seconds) -> list[str]:
         f"in bends the lateral force is {slope:.2f} times speed times yaw rate, and should be 1: "
         "check the units of the odometer (km/h is 0.28) and gyros (deg/s is 0.017) and [imu] axes"
     ]
+
+
+def check_odometer(run: Run, use_gnss: bool) -> None:
+    """InputError when the odometer never counts while the fixes go somewhere."""
+    if run.odometer is None or run.gnss is None or not use_gnss:
+        return
+    north = np.deg2rad(run.gnss.lat_deg) * EARTH_RADIUS
+    east = np.deg2rad(run.gnss.lon_deg) * EARTH_RADIUS * np.cos(np.deg2rad(run.gnss.lat_deg[0]))
+    way = float(np.hypot(np.ptp(north), np.ptp(east)))
+    if way > TRAVELLED_M and not np.ptp(run.odometer.distance) > 0:
+        raise InputError(
+            f"{run.path}: the odometer never moves while the fixes travel {way:.0f} m: the column "
+            "is dead or another one is meant; name it under [columns] or take it out of the file"
+        )
 
 
 def _rest(now: Seconds) -> NDArray[np.bool_]:

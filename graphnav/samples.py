@@ -34,7 +34,7 @@ class Samples:
 
     def error(self, row: int, text: str) -> InputError:
         """An `InputError` at `row`, with its line and time."""
-        where = f"{self.file.row(row)} (time {self.clock[row]:.10g})"
+        where = f"{self.file.row(row)} (time {self.clock[row]:.15g})"
         return InputError(f"{self.file.path}: {where}: {text}")
 
     def group(self, names: tuple[str, ...], what: str) -> tuple[Rows, Array]:
@@ -120,6 +120,6 @@ def _check_clock(samples: Samples) -> None:
         i = int(bad[0])
         how = "repeats" if clock[i + 1] == clock[i] else "goes backwards"
         raise InputError(
-            f"{path}: time {how} at {row(i + 1)}: {clock[i]:.10g} then {clock[i + 1]:.10g}; "
+            f"{path}: time {how} at {row(i + 1)}: {clock[i]:.15g} then {clock[i + 1]:.15g}; "
             "sort the rows and merge those of one time (blank cells where no sample)"
         )

@@ -159,7 +159,7 @@ class Smoother:
         Raises InputError when the heading never became known.
         """
         if len(self._inertial):
-            self._advance(len(self._inertial), perf_counter())
+            self._advance(len(self._inertial), perf_counter(), last=True)
         if self.graph is None:
             raise self._beginning.why or InputError("no inertial samples, or too few to align")
         edge = self._inertial.edge.rows
@@ -183,11 +183,11 @@ class Smoother:
         edge = self._inertial.edge.rows
         return max(int(np.searchsorted(edge, edge[-1] - LOOK_AHEAD_S + 1e-9)) - 1, 0)
 
-    def _advance(self, ready: int, due: float) -> None:
+    def _advance(self, ready: int, due: float, last: bool = False) -> None:
         """Align when that is possible, then every node that is due (since `due`)."""
         self._rest.advance(self._inertial, self._odometer, ready)
         if self.graph is None:
-            self._begin(ready)
+            self._begin(ready, last)
         if self.graph is None:
             return
         while True:
@@ -215,9 +215,9 @@ class Smoother:
             last, count = place, count + 1
         return places
 
-    def _begin(self, ready: int) -> None:
+    def _begin(self, ready: int, last: bool) -> None:
         """Start the graph when the alignment is done."""
-        prep = self._beginning.attempt(ready, self._odometer, self._sides)
+        prep = self._beginning.attempt(ready, self._odometer, self._sides, last)
         if prep is not None:
             self._aligned = prep.run.end
             prep = replace(prep, interval=self._interval)

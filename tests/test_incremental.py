@@ -253,6 +253,14 @@ def test_importing_graphnav_stays_fast() -> None:
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.parametrize("seconds", [2.5, 6.0, 40.0])
+def test_a_short_run_begins_when_it_ends(prep: Prepared, seconds: float) -> None:
+    stream = incremental.replayed(cut(prep, seconds), None)  # all of it at rest
+    assert stream.graph is not None
+    assert stream.graph.log.time.rows[-1] == pytest.approx(seconds, abs=0.1)
+    assert np.isfinite(stream.graph.everything().p_n).all()
+
+
 def test_both_sides_take_part_in_the_stream(tmp_path: Path) -> None:
     """A skid-steered vehicle whose two sides are recorded: their turn finds the width of skidding
     in the stream as in the batch.
