@@ -53,13 +53,21 @@ class Rows:
             root[on] = np.sqrt(robust.weight(residual[on]))
         return Rows(self.A * root[:, None], self.b * root, self.start, self.doubt, self.robust)
 
-    def predicted(self, x: Array, c: Array) -> Array:
-        """Residuals (R,) of a single interval with node i at `x` (10,), calibration at `c` (dim,)
-        and node j where the inertial rows put it.
+    def surprise(self, x: Array, P: Array, c: Array) -> Array:
+        """Residuals (R,) of a single interval over the sigma expected of them, with node i at `x`
+        (10,) of covariance `P`, calibration at `c` (dim,) and node j where the inertial rows put
+        it.
         """
         r = self.A[:, NODE_I] @ x + self.A[:, CALIBRATION] @ c - self.b
-        A_j = self.A[:, NODE_DIM : NODE_DIM + INERTIAL]
-        return np.asarray(r + A_j @ np.linalg.solve(A_j[:INERTIAL], -r[:INERTIAL]))
+        by_noise = np.linalg.solve(
+            self.A[:INERTIAL, NODE_DIM : NODE_DIM + INERTIAL].T,
+            self.A[:, NODE_DIM : NODE_DIM + INERTIAL].T,
+        ).T  # of every row per unit of the inertial rows
+        by_x = self.A[:, NODE_I] - by_noise @ self.A[:INERTIAL, NODE_I]
+        variance = (
+            1 + np.einsum("ri,ij,rj->r", by_x, P, by_x) + np.einsum("ri,ri->r", by_noise, by_noise)
+        )
+        return np.asarray((r - by_noise @ r[:INERTIAL]) / np.sqrt(variance))
 
     def in_base(self, x: Array, c: Array) -> "Rows":
         """Told as error states about the base, linearised at `x` (W + 1, 10) and `c` (W, dim)."""

@@ -3,7 +3,8 @@ factors; every few seconds the recent intervals are linearised anew with the new
 each time the run has doubled.
 
 So the total work is linear in the run's length, and what the batch re-estimates by iterating
-(linearisation points, biases inside the preintegration, robust weights) settles within seconds.
+(linearisation points, biases inside the preintegration, robust weights) settles within seconds; the
+noise, which the batch finds in the residuals of each round, is found at each doubling.
 """
 
 from collections.abc import Iterator, Sequence
@@ -21,18 +22,24 @@ from factors.preintegration import Preintegrated
 from graphnav.aiding import Aid
 from graphnav.assembly import Rows, stacked
 from graphnav.earth import Origin
+from graphnav.elimination import covariances, eliminate, linear_system
 from graphnav.estimate import Estimate
 from graphnav.isam import Tree
 from graphnav.node_log import NodeLog
 from graphnav.nodes import room_of
+from graphnav.noise import rescaled
 from graphnav.problem import Problem
 from graphnav.run import Array
 from graphnav.smoother import FIRST
+from graphnav.solve import weights_of
 from graphnav.tape import Tape
 
 BACK_S = 20.0  # s of the newest nodes that are linearised anew
 GROWTH, FIRST_GROWTH = 2.0, 60  # of the run's length between relinearisations of all; nodes
 KEPT_S = 30.0  # s of nodes that stay in the tree, at least: BACK_S and more
+# of the assumed noise, at least: a quiet beginning must not talk the fixes away later; and what
+# a receiver says of its fixes is kept
+BOLDEST = 0.3
 UNIT = 10.0  # prior sigmas: iSAM2 then passes on changes of a hundredth of a sigma
 
 
@@ -159,12 +166,13 @@ class Growing:
         c /= self._unit
         for k, (tie, seg) in enumerate(zip(ties, segment.tolist(), strict=True)):
             row = rows.between(k, k + 1)
-            row = row.weighted(row.predicted(self._tip[0], c[k]))
+            row = row.weighted(row.surprise(*self._tip, c[k]))
             (factor,) = row.factors(*self._tree.keys(n + k, [seg]))
             self._tree.extend(factor, seg, tie, self._kept)
             self._tip = self._tree.marginal(n + k + 1)
             yield n + k + 1
         if self._lag is None and self.last >= GROWTH * self._swept:
+            self._learn()
             self.relinearise()
             self._swept = self.last
 
@@ -223,6 +231,18 @@ class Growing:
             problem = self.log.problem(window.first, self.last, window.estimate)
             rows = self._rows(problem.linearise(window.estimate), window.first)
             self._exchange(window, rows)
+
+    def _learn(self) -> None:
+        """Find the noise in the residuals of the whole run so far, as the batch's rounds do."""
+        estimate = self.everything()
+        problem = self.log.problem(0, self.last, estimate)
+        blocks = problem.linearise(estimate)
+        weighted = [block.weighted(weights_of(block, FIRST)) for block in blocks]
+        net = eliminate(linear_system(weighted, problem.chain), problem.chain)
+        joints = covariances(net, problem.chain).joints
+        found = rescaled(self.log.scales, blocks, problem.groups, joints)
+        gear = {key: scale for key, scale in found.items() if not key.startswith("gnss")}
+        self.log.scales = {key: max(scale, BOLDEST) for key, scale in gear.items()}
 
     def _exchange(self, window: Window, rows: Rows) -> None:
         """Put a window's rows, linearised and weighed at its estimate, in the place of the old."""

@@ -33,6 +33,7 @@ class NodeLog:
         self.edge, self.time = Tape(), Tape()
         self.segment, self.segment_time = Tape(), Tape()  # of each interval; of each segment
         self.states: list[str] = []  # of each interval
+        self.scales: dict[str, float] = {}  # noise found so far over noise assumed
         self._aids: list[Aid] = []  # of each node
         self._place(0, Aid())
         self.segment_time.push(float(self.time.rows[0]) + 0.5 * SEGMENT_S)
@@ -102,4 +103,6 @@ class NodeLog:
         """The batch's factors between two nodes, increments integrated with the biases of `at`."""
         prep, nodes = self.sensed(first, last)
         t, names = nodes.time, np.array(self.states[first:last])
-        return build(prep, nodes, Timeline(t[:-1], t[1:], names, np.ones(len(names))), at, {})
+        return build(
+            prep, nodes, Timeline(t[:-1], t[1:], names, np.ones(len(names))), at, self.scales
+        )

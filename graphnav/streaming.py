@@ -49,9 +49,10 @@ class Smoother:
         for known in smoother.history:  # every node, as it was known then
             print(known.time, known.p_n, 1e3 * known.latency)
 
-    With `lag` s the history holds every node as known `lag` s later, and nothing older is ever
-    linearised again. Not handled as it arrives: delayed fixes (older than the newest node), rovers,
-    noise learnt from the residuals; nodes at changes of motion state (the batch has them).
+    Each time the run has doubled all of it is linearised anew, with the noise its own residuals
+    show. With `lag` s the history holds every node as known `lag` s later, and nothing older is
+    ever linearised again, nor is noise learnt. Not handled: fixes older than the newest node,
+    rovers, nodes at changes of motion state (the batch has them).
     """
 
     def __init__(

@@ -102,6 +102,17 @@ def test_isam_holds_the_batch_solution_of_the_same_factors(stream: Smoother) -> 
     assert incremental.distance_from_batch(graph) < 1e-3
 
 
+def test_noise_is_learnt_as_the_run_doubles(prep: Prepared, stream: Smoother) -> None:
+    """That of the running gear, from what was driven so far; never far below what was assumed."""
+    graph, early = stream.graph, incremental.replayed(cut(prep, 130.0), None).graph
+    assert graph is not None and early is not None
+    assert not early.log.scales
+    found, batch = graph.log.scales, smooth(prep).scales
+    assert found and all(key.startswith("displacement") for key in found)
+    for key, scale in found.items():
+        assert growing.BOLDEST <= scale == pytest.approx(max(batch[key], growing.BOLDEST), rel=0.3)
+
+
 def test_shedding_old_nodes_changes_nothing(
     prep: Prepared, stream: Smoother, monkeypatch: pytest.MonkeyPatch
 ) -> None:
