@@ -7,13 +7,15 @@ through its pipes. Unlike `multiprocessing` it asks nothing of the caller's main
 import pickle
 import subprocess
 import sys
+import tempfile
+import traceback
 from collections.abc import Sequence
 from contextlib import suppress
 from importlib import import_module
 from threading import Thread
 from typing import Any, Self
 
-from graphnav.errors import GraphnavError, SolutionError
+from graphnav.errors import SolutionError
 from graphnav.progress import peak_memory_mb
 
 
@@ -23,30 +25,31 @@ class Aside:
     def __init__(self, function: str, imports: Sequence[str] = ()) -> None:
         """`function` "module:name"; `imports` modules it will need."""
         self.name = function.partition(":")[2]
-        command = [sys.executable, "-m", "graphnav.aside", function, *imports]
+        # -P: what lies in the user's directory is not ours to import
+        command = [sys.executable, "-P", "-m", "graphnav.aside", function, *imports]
+        self._errors = tempfile.TemporaryFile()  # noqa: SIM115  # a pipe would fill
         pipe = subprocess.PIPE
-        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=pipe)
-        assert self._process.stdin is not None
-        self._into, self._process.stdin = self._process.stdin, None
-        self._said = self._failed = b""
+        self._process = subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=self._errors)
+        self._answer = b""
+        self._unsent: Exception | None = None
         self._talk: Thread | None = None
         self.peak_memory_mb = 0.0
 
     def call(self, *arguments: object) -> None:
         """Let it begin; `result` waits for the end."""
-        self._talk = Thread(target=self._communicate, args=(arguments,), daemon=True)
+        self._talk = Thread(target=self._converse, args=(arguments,), daemon=True)
         self._talk.start()
 
     def result(self) -> Any:
-        """What the function returned. GraphnavErrors come as they are, others as SolutionError."""
+        """What the function returned; what it raised is raised here."""
         assert self._talk is not None, "call first"
         self._talk.join()
-        if self._process.returncode:
-            lines = self._failed.decode(errors="replace").strip().splitlines()
-            why = lines[-1] if lines else f"ended with status {self._process.returncode}"
-            raise SolutionError(f"{self.name}: {why}")
-        result, self.peak_memory_mb = pickle.loads(self._said)
-        if isinstance(result, GraphnavError):
+        if self._unsent is not None:
+            raise self._unsent
+        if not self._answer:
+            raise SolutionError(f"{self.name}: {self._end()}")
+        result, self.peak_memory_mb = pickle.loads(self._answer)
+        if isinstance(result, Exception):
             raise result
         return result
 
@@ -56,16 +59,32 @@ class Aside:
     def __exit__(self, *_: object) -> None:
         if self._process.poll() is None:
             self._process.kill()
-        if self._talk is None:
-            self._into.close()
-            self._process.communicate()
-        else:
+        if self._talk is not None:
             self._talk.join()
+        for stream in (self._process.stdin, self._process.stdout, self._errors):
+            if stream is not None:
+                with suppress(OSError):
+                    stream.close()
+        self._process.wait()
 
-    def _communicate(self, arguments: tuple[object, ...]) -> None:
-        with suppress(BrokenPipeError), self._into as into:  # `communicate` would dribble
-            pickle.dump(arguments, into, pickle.HIGHEST_PROTOCOL)
-        self._said, self._failed = self._process.communicate()
+    def _converse(self, arguments: tuple[object, ...]) -> None:
+        assert self._process.stdin is not None and self._process.stdout is not None
+        try:
+            with suppress(OSError), self._process.stdin as into:  # it may have died: see its answer
+                pickle.dump(arguments, into, pickle.HIGHEST_PROTOCOL)
+        except Exception as error:
+            self._unsent = error
+        self._answer = self._process.stdout.read()
+        self._process.wait()
+
+    def _end(self) -> str:
+        """How the process ended without an answer."""
+        status = self._process.returncode
+        if status < 0:
+            return f"its process was ended by signal {-status} (out of memory?)"
+        self._errors.seek(0)
+        lines = self._errors.read().decode(errors="replace").strip().splitlines()
+        return f"its process ended with status {status}: {lines[-1] if lines else 'no word'}"
 
 
 def main(function: str, imports: Sequence[str]) -> None:
@@ -80,7 +99,8 @@ def main(function: str, imports: Sequence[str]) -> None:
         return  # nobody called
     try:
         result = getattr(import_module(module), name)(*arguments)
-    except GraphnavError as error:
+    except Exception as error:
+        error.add_note(traceback.format_exc())
         result = error
     pickle.dump((result, peak_memory_mb()), answer.buffer, pickle.HIGHEST_PROTOCOL)
     answer.flush()

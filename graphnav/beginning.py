@@ -43,7 +43,7 @@ class Beginning:
         self.why: InputError | None = None  # it was not possible
 
     def attempt(
-        self, ready: int, odometer: Distance | None, sides: Sides | None, last: bool = False
+        self, ready: int, odometer: Distance, sides: Sides, last: bool = False
     ) -> Prepared | None:
         """The alignment with all that goes with it, once possible with the judged increments.
 
@@ -58,9 +58,7 @@ class Beginning:
                 return found
         return self._tried(ready, odometer, sides, waits=False) if last and ready else None
 
-    def _tried(
-        self, until: int, odometer: Distance | None, sides: Sides | None, waits: bool
-    ) -> Prepared | None:
+    def _tried(self, until: int, odometer: Distance, sides: Sides, waits: bool) -> Prepared | None:
         """The alignment with the first `until` increments, unless more is worth waiting for."""
         edge = self._inertial.edge.rows
         run = self._so_far(float(edge[until]), odometer, sides)
@@ -83,7 +81,7 @@ class Beginning:
             return True
         return rested == 0 and self._looked < LEVELLING_S
 
-    def _so_far(self, until: float, odometer: Distance | None, sides: Sides | None) -> Run:
+    def _so_far(self, until: float, odometer: Distance, sides: Sides) -> Run:
         """What came until a time, as a run."""
         gnss, heading = self._aiding.until(until)
         return Run(
@@ -91,8 +89,8 @@ class Beginning:
             clock_start=0.0,
             end=until,
             imu=None,
-            odometer=None if odometer is None else odometer.around(0.0, until),
-            sides=None if sides is None else sides.around(0.0, until),
+            odometer=odometer.around(0.0, until),
+            sides=sides.around(0.0, until),
             gnss=gnss,
             heading=heading,
             rover=None,

@@ -6,6 +6,7 @@ far iSAM2's own is from the batch solution of the same factors is told with it.
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 from time import perf_counter
 from typing import Any
 
@@ -80,8 +81,8 @@ def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoot
         interval=prep.interval,
         clock=0.0,
     )
-    for start in np.arange(-piece, run.end, piece):
-        _give(stream, run, float(start), float(start + piece))
+    for start, end in pairwise(np.arange(-piece, run.end + piece, piece).tolist()):
+        _give(stream, run, start, end)
     stream.finish()
     return stream
 

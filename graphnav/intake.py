@@ -30,7 +30,7 @@ class Inertial:
         self._grid_s = grid_s
         self._size = 0  # samples in an increment, once known
         self._samples = Tape(7)  # time, gyro, accel
-        self.edge, self._inc = Tape(), Tape(10)  # rotation, velocity, position, jump
+        self.edge, self._inc = Tape(), Tape(12)  # rotation, velocity, position, jump, doubt
 
     def __len__(self) -> int:
         return len(self._inc)
@@ -65,20 +65,21 @@ class Inertial:
         inc = increments(imu, size * float(np.median(dt)))
         new = slice(context, context + whole - done)
         self.edge.append(inc.edge[1:][new])
-        columns = (inc.rotation, inc.velocity, inc.position, inc.jump[:, None])
+        assert inc.doubt is not None
+        columns = (inc.rotation, inc.velocity, inc.position, inc.jump[:, None], inc.doubt)
         self._inc.append(np.concatenate([x[new] for x in columns], axis=1))
 
     def between(self, first: int, end: int) -> Increments:
         """Increments `first` to `end - 1`."""
         x = self._inc.rows[first:end]
         edge = self.edge.rows[first : end + 1]
-        return Increments(edge, x[:, 0:3], x[:, 3:6], x[:, 6:9], x[:, 9])
+        return Increments(edge, x[:, 0:3], x[:, 3:6], x[:, 6:9], x[:, 9], x[:, 10:12])
 
 
 class Distance:
     """Odometer samples as they come."""
 
-    def __init__(self, pulse: float) -> None:
+    def __init__(self, pulse: float = 0.0) -> None:
         """`pulse` m per count; 0 when speeds come."""
         self.pulse = pulse
         self._tape = Tape(3)  # time, distance, speed

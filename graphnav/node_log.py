@@ -20,8 +20,8 @@ class Sensors:
 
     inertial: Inertial
     still: Tape  # 0 or 1 by increment
-    odometer: Distance | None
-    sides: Sides | None
+    odometer: Distance
+    sides: Sides
 
 
 class NodeLog:
@@ -84,8 +84,8 @@ class NodeLog:
         gnss, fixes_n, heading = joined(self._aids[first + 1 if first else 0 : last + 1])
         run = replace(
             self.prep.run,
-            odometer=None if heard.odometer is None else heard.odometer.around(*span),
-            sides=None if heard.sides is None else heard.sides.around(*span),
+            odometer=heard.odometer.around(*span),
+            sides=heard.sides.around(*span),
             gnss=gnss,
             heading=heading,
         )

@@ -20,7 +20,6 @@ LEAST_REDUNDANCY = 0.05
 SMALLEST, LARGEST = 0.02, 30.0
 # a receiver's own sigma is evidence too: a poor fit must not talk the fixes away
 LIMITS = {"gnss": (0.3, 3.0)}
-MOST_CORRELATED = 25.0  # of long-run over short-run variance: five times the sigma
 # s over which the residuals of a kind may be correlated
 LAGS_S = {"displacement": 20.0, "velocity": 20.0, "track_width": 20.0, "gnss": 60.0}
 
@@ -75,7 +74,7 @@ def correlation(x: Array, lags: int) -> float:
     auto = np.fft.irfft(spectrum, size)[: lags + 1] / n
     taper = 1 - np.arange(1, lags + 1) / (lags + 1)
     ratio = 1 + 2 * np.sum(taper * auto[1:]) / max(auto[0], 1e-12)
-    return float(np.clip(ratio, 1.0, MOST_CORRELATED))
+    return float(np.clip(ratio, 1.0, lags + 1))
 
 
 def _redundancy(block: Block, joints: Joints) -> Array:

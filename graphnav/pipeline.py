@@ -100,7 +100,7 @@ def solve(
         from graphnav import incremental
 
         replay = incremental.smooth(prep, lag, told)
-        told.beside(replay.peak_memory_mb)
+        told.beside(replay.peak_memory_mb, since="dead reckoning")
         solved = finish(replay.smoothed)
         known = incremental.causal(replay, prep)
         return replace(solved, solver=solved.solver | replay.solver, causal=known)

@@ -151,9 +151,11 @@ def check_odometer(run: Run, use_gnss: bool) -> None:
     """InputError when the odometer never counts while the fixes go somewhere."""
     if run.odometer is None or run.gnss is None or not use_gnss:
         return
-    north = np.deg2rad(run.gnss.lat_deg) * EARTH_RADIUS
-    east = np.deg2rad(run.gnss.lon_deg) * EARTH_RADIUS * np.cos(np.deg2rad(run.gnss.lat_deg[0]))
-    way = float(np.hypot(np.ptp(north), np.ptp(east)))
+    lat, lon = run.gnss.lat_deg, run.gnss.lon_deg
+    east = ((lon - lon[0] + 180) % 360 - 180) * np.cos(np.deg2rad(lat[0]))
+    # a wild fix is no journey
+    spread = [np.ptp(np.percentile(degrees, (10, 90))) for degrees in (lat - lat[0], east)]
+    way = float(np.deg2rad(np.hypot(*spread))) * EARTH_RADIUS
     if way > TRAVELLED_M and not np.ptp(run.odometer.distance) > 0:
         raise InputError(
             f"{run.path}: the odometer never moves while the fixes travel {way:.0f} m: the column "

@@ -41,10 +41,16 @@ class Stages:
             self._status = self._console.status(f"[bold]{name}")
             self._status.start()
 
-    def beside(self, mb: float) -> None:
-        """Another process worked for the running stage and needed so much memory at its peak."""
-        if self._name is not None:
-            self.memory_mb[self._name] = peak_memory_mb() + mb
+    def beside(self, mb: float, since: str | None = None) -> None:
+        """Another process worked beside the running stage, or all `since` one, and needed so much
+        memory at its peak.
+        """
+        if self._name is None:
+            return
+        self.memory_mb[self._name] = peak_memory_mb()
+        names = list(self.memory_mb)
+        for name in names[names.index(since or self._name) :]:
+            self.memory_mb[name] += mb
 
     def done(self) -> None:
         """The last stage has ended."""
@@ -82,8 +88,10 @@ def peak_memory_mb() -> float:
         line = next(x for x in STATUS.read_text().splitlines() if x.startswith("VmHWM"))
         return float(line.split()[1]) / 1024
     except (OSError, StopIteration, ValueError):
-        import resource  # not there on Windows
-
+        try:
+            import resource
+        except ImportError:  # Windows
+            return 0.0
         unit = 1 if sys.platform == "darwin" else 1024
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1024**2
 

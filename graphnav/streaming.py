@@ -79,8 +79,7 @@ class Smoother:
         self._interval = interval
         self._clock = clock  # at time 0
         self._inertial, self._rest = Inertial(), Rest()
-        self._odometer: Distance | None = None
-        self._sides: Sides | None = None
+        self._odometer, self._sides = Distance(), Sides()
         self._aiding = Aiding(self._expects)
         self.graph: Growing | None = None
         self._beginning = Beginning(
@@ -109,11 +108,11 @@ class Smoother:
         t = self._since_start(time)
         if (speed is None) == (pulses is None):
             raise InputError("add_odometer: give either speed [m/s] or pulses")
-        if self._odometer is None:
+        if not len(self._odometer):
             per_pulse = self.vehicle.odometer.metres_per_pulse
             if pulses is not None and per_pulse is None:
                 raise InputError("add_odometer: pulses need [odometer] metres_per_pulse [m]")
-            self._odometer = Distance(per_pulse or 0.0 if pulses is not None else 0.0)
+            self._odometer.pulse = per_pulse or 0.0 if pulses is not None else 0.0
         if speed is not None:
             self._odometer.add_speed(t, np.atleast_1d(np.asarray(speed, np.float64)))
         else:
@@ -122,8 +121,10 @@ class Smoother:
     def add_sides(self, time: ArrayLike, left: ArrayLike, right: ArrayLike) -> None:
         """Speeds of both sides (n,) m/s, for the turn they tell; their mean is no odometer yet."""
         t = self._since_start(time)
-        if self._sides is None:
-            self._sides = Sides()
+        layout = None if self.graph is None else self.graph.log.prep.layout
+        turns = self.vehicle.kind == "tracked" and len(t) > 0
+        if turns and layout is not None and "track_width" not in layout.slices:
+            raise InputError("add_sides: give both sides from the start, before the alignment")
         self._sides.add(t, *(np.atleast_1d(np.asarray(v, np.float64)) for v in (left, right)))
 
     def add_gnss(
@@ -186,7 +187,8 @@ class Smoother:
 
     def _advance(self, ready: int, due: float, last: bool = False) -> None:
         """Align when that is possible, then every node that is due (since `due`)."""
-        self._rest.advance(self._inertial, self._odometer, ready)
+        heard = self._odometer if len(self._odometer) else None
+        self._rest.advance(self._inertial, heard, ready)
         if self.graph is None:
             self._begin(ready, last)
         if self.graph is None:

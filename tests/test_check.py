@@ -130,9 +130,16 @@ def test_a_dead_odometer_that_fixes_contradict_stops_the_run(tmp_path: Path) -> 
     north = np.linspace(0.0, 300.0, len(table)) / 111e3
     fixes = table.assign(gnss_lat=45.0 + north, gnss_lon=10.0, gnss_height=1.0)
     run, vehicle = pair(saved(fixes, tmp_path))
-    with pytest.raises(InputError, match=r"odometer never moves while the fixes travel 30\d m"):
+    with pytest.raises(InputError, match=r"odometer never moves while the fixes travel 24\d m"):
         check(run, vehicle)
     assert any("never moves" in finding for finding in check(run, vehicle, use_gnss=False))
+
+
+def test_wild_fixes_and_the_date_line_are_no_journey(tmp_path: Path) -> None:
+    table = driven().assign(odo_speed=0.0, gnss_lat=60.0, gnss_lon=180.0, gnss_height=1.0)
+    table.loc[::2, "gnss_lon"] = -179.99999
+    table.loc[100, "gnss_lat"] = 60.1
+    assert any("never moves" in finding for finding in check(*pair(saved(table, tmp_path))))
 
 
 def test_nothing_says_where_the_run_began(tmp_path: Path) -> None:

@@ -272,6 +272,35 @@ def test_a_short_run_begins_when_it_ends(prep: Prepared, seconds: float) -> None
     assert np.isfinite(stream.graph.everything().p_n).all()
 
 
+def test_a_gap_of_the_imu_is_doubted_in_the_stream_too(tmp_path: Path) -> None:
+    simulate("wheeled", tmp_path / "run", 8, duration=400.0, grade="mems", slips=True)
+    path = tmp_path / "run" / "run.csv.gz"
+    table = pd.read_csv(path)
+    imu = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
+    table.loc[table["time"].between(250.0, 256.0), imu] = np.nan
+    table.to_csv(path, index=False)
+    prep, truth = prepared(tmp_path / "run"), pd.read_csv(tmp_path / "run" / "truth.csv.gz")
+    stream = incremental.replayed(prep, None)
+    last = stream.history[-1]
+    true = prep.alignment.origin.local(
+        *np.deg2rad(truth[["lat", "lon"]].to_numpy()[-1]), truth["height"].to_numpy()[-1]
+    )
+    assert np.linalg.norm((last.p_n - true)[:2]) < 4 * np.hypot(*last.sd_enu[:2])
+
+
+def test_an_odometer_that_begins_late_is_heard(prep: Prepared) -> None:
+    run = prep.run
+    assert run.odometer is not None
+    on = run.odometer.time > 100.0
+    late = replace(
+        run.odometer, **{k: getattr(run.odometer, k)[on] for k in ("time", "distance", "speed")}
+    )
+    graph = incremental.replayed(replace(prep, run=replace(run, odometer=late)), None).graph
+    assert graph is not None
+    kinds = {b.kind for b in graph.whole(graph.everything()).linearise(graph.everything())}
+    assert "displacement" in kinds
+
+
 def test_both_sides_take_part_in_the_stream(tmp_path: Path) -> None:
     """A skid-steered vehicle whose two sides are recorded: their turn finds the width of skidding
     in the stream as in the batch.
