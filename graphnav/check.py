@@ -13,6 +13,7 @@ from graphnav.vehicle import Vehicle
 Array = NDArray[np.float64]
 SLOW_IMU_HZ = 40.0
 SHORT_S, TOO_SHORT_S = 30.0, 2.0
+SLOWEST_S = 1.5  # between inertial samples: slower is another unit, nothing to integrate
 SILENT_S = 3.0  # an odometer quiet for longer is told
 GAP_FACTOR = 3.0  # of the usual sampling interval
 
@@ -33,12 +34,19 @@ def check(run: Run, vehicle: Vehicle, use_gnss: bool = True) -> list[str]:
     if run.odometer is not None:
         plausibility.check_odometer(run, use_gnss)
         findings += _odometer_findings(run, run.odometer)
+    if run.gnss is not None and use_gnss:
+        findings += plausibility.check_fixes(run, vehicle)
     return findings + _aiding_findings(run, vehicle, use_gnss)
 
 
 def _fatal(run: Run, vehicle: Vehicle, use_gnss: bool) -> None:
     if run.end < TOO_SHORT_S:
         raise InputError(f"{run.path}: {run.end:.3g} s long; nothing to smooth under 2 s")
+    if run.imu is not None and (step := float(np.median(run.imu.dt))) > SLOWEST_S:
+        raise InputError(
+            f"{run.path}: the IMU comes every {step:g} s: is its clock in ms, us or ns? "
+            'set [columns] time = { unit = "ms" } in the vehicle file'
+        )
     if vehicle.kind == "rover" and run.imu is None and run.rover is None:
         raise InputError(
             f"{run.path}: neither gyros nor wheels: a rover needs gyro_x.. and accel_x.., or "

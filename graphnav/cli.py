@@ -70,7 +70,7 @@ def cli() -> None:
     default=1.0,
     show_default=True,
     metavar="HZ",
-    help="States solved for per second of driving.",
+    help="States solved for per second of driving; time and memory grow with it.",
 )
 @click.option(
     "--lag",

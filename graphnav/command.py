@@ -68,7 +68,10 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
     debug = bool(os.environ.get("GRAPHNAV_DEBUG"))
     if not debug:
         warnings.simplefilter("ignore")
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))  # run the clean-up
+    for name in ("SIGTERM", "SIGHUP"):  # run the clean-up; Windows has no SIGHUP
+        if hasattr(signal, name):
+            number = getattr(signal, name)
+            signal.signal(number, lambda n, _: sys.exit(128 + n))
     interrupts = _heard_interrupts()
     try:
         with command.make_context("graphnav", list(args)) as context:

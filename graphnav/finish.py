@@ -44,7 +44,17 @@ def finish(smoothed: Smoothed) -> Solved:
             "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
         },
         verdicts=verdicts(found, smoothed),
+        gaps=_gaps(smoothed),
     )
+
+
+def _gaps(smoothed: Smoothed) -> Array | None:
+    """Spans in which the IMU was silent and what it may have missed, (G, 4)."""
+    inc = smoothed.prep.inc
+    if inc.doubt is None:
+        return None
+    on = np.flatnonzero(inc.doubt.any(axis=1))
+    return np.column_stack([inc.edge[on], inc.edge[on + 1], inc.doubt[on]])
 
 
 def _fixes(smoothed: Smoothed) -> Array:

@@ -5,11 +5,14 @@ standstill window, the odometer's interpolation and the coning terms need. The r
 depend on the sizes of the pieces.
 """
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from factors.preintegration import Increments
+from graphnav.errors import InputError
 from graphnav.increments import GRID_S, NEIGHBOURS, increments
 from graphnav.nodes import REST_INTERVAL_S, room_of
 from graphnav.run import Array, Imu, Odometer, SideSpeeds
@@ -21,6 +24,22 @@ FRAME = 20  # increments after which the usual quietness is measured anew
 REMEMBERED = 1200  # increments of standstill it is the median of
 MARGIN_S, MARGIN_SAMPLES = 1.0, 3  # of the odometer before an interval
 FEWEST = 10  # samples that tell the sampling interval
+
+
+def sound(sensor: str, time: ArrayLike, values: Sequence[ArrayLike | None]) -> list[Array]:
+    """Times (n,) and values (n, ...) of the samples in which every number is one.
+
+    Raises InputError where their sizes differ.
+    """
+    t, *columns = (np.atleast_1d(np.asarray(x, dtype=np.float64)) for x in (time, *values))
+    keep = np.isfinite(t)
+    for x in columns:
+        if not x.size and not len(t):
+            return [t, *columns]
+        if len(x) != len(t) or (x.ndim == 2 and x.shape[1] != 3):
+            raise InputError(f"{sensor}: values of shape {x.shape} for {len(t)} times")
+        keep &= np.isfinite(x.reshape(len(t), -1)).all(axis=1)
+    return [x[keep] for x in (t, *columns)]
 
 
 class Inertial:

@@ -12,6 +12,7 @@ XYZ = ("x", "y", "z")
 DEG = np.deg2rad(1.0)
 CONTRADICTED = 2.5  # sigma of a stated heading
 DOUBTED = 0.5  # weight of a fix
+SURPRISING = 5.0  # sigma of an odometer's scale
 
 
 def calibrated(smoothed: Smoothed) -> list[Calibrated]:
@@ -85,6 +86,12 @@ def verdicts(found: list[Calibrated], smoothed: Smoothed) -> list[str]:
             drift = 1e3 * float(np.ptp(c.value[:, 0]))
             mean, sd = float(c.value.mean()), float(np.median(c.sd))
             said.append(f"odometer scale {mean:.4f} +- {sd:.4f}, drifted {drift:.1f} permille")
+            off = abs(mean - c.prior[0]) / c.prior_sd[0]
+            if off > SURPRISING:
+                said.append(
+                    f"that is {off:.0f} of its sigma from nominal: check the odometer's unit, "
+                    "direction and metres_per_pulse"
+                )
         late = c.name == "time_offset_s" and abs(c.value[0, 0]) > max(0.002, 2 * c.sd[0, 0])
         if late and c.observable[0]:
             said.append(

@@ -53,7 +53,7 @@ def smooth(
     vehicle = load_vehicle(vehicle_path, run_path)
     run = read_run(run_path, vehicle)
     reference = _truth(truth)
-    findings = check(run, vehicle, use_gnss)
+    findings = check(run, vehicle, use_gnss) + _withheld(run, outages)
     kinds = [kind for kind, on in (("recording", rrd), ("report", report)) if on]
     with Views(kinds) as views:
         solved = solve(run, vehicle, use_gnss, outages, rate_hz, told, mode, lag, nodes_hz)
@@ -66,6 +66,16 @@ def smooth(
             views.make(directory, told)
             told.done()
             _update_stages(directory, told)
+
+
+def _withheld(run: Run, outages: Sequence[tuple[float, float]]) -> list[str]:
+    """What every outage took away: a mistyped one takes nothing."""
+    clock = np.zeros(0) if run.gnss is None else run.gnss.time + run.clock_start
+    counts = [int(((clock >= start) & (clock <= end)).sum()) for start, end in outages]
+    return [
+        f"outage {start:g}:{end:g} withholds {count or 'no'} fix{'es' * (count != 1)}"
+        for (start, end), count in zip(outages, counts, strict=True)
+    ]
 
 
 def solve(

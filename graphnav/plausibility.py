@@ -22,6 +22,7 @@ FASTEST_TURN = 6.0  # rad/s kept up for a second: no land vehicle turns a revolu
 STILL_FORCE = 0.02  # m/s^2, change of the mean force from one second to the next, at rest
 UP_SHARE = 0.8  # of gravity that must lie on the up axis (37 deg of slope)
 EARTH_RADIUS = 6.37e6  # m
+FAR_M = 300e3  # from the start, of the middle of the fixes
 TRAVELLED_M = 100.0  # between fixes; less may be their scatter
 DEG_CURE = 'set [columns] gyro = { unit = "deg/s" } in the vehicle file'
 COMMON = ("RFU", "FLU", "FRD", "LBU", "BRU", "RBD", "LFD", "BLD")
@@ -145,6 +146,26 @@ def _centripetal_finding(run: Run, now: Seconds) -> list[str]:
         f"in bends the lateral force is {slope:.2f} times speed times yaw rate, and should be 1: "
         "check the units of the odometer (km/h is 0.28) and gyros (deg/s is 0.017) and [imu] axes"
     ]
+
+
+def check_fixes(run: Run, vehicle: Vehicle) -> list[str]:
+    """InputError when the fixes are in radians; a finding when they lie far from [start]."""
+    if run.gnss is None:
+        return []
+    lat, lon = np.median(run.gnss.lat_deg), np.median(run.gnss.lon_deg)
+    if abs(lat) < np.pi / 2 and abs(lon) < np.pi:  # in degrees that is open sea off Guinea
+        raise InputError(
+            f"{run.path}: the fixes ({lat:.4f}, {lon:.4f}) seem to be in radians: set "
+            '[columns] gnss_lat = { unit = "rad" }, gnss_lon = { unit = "rad" } in the vehicle file'
+        )
+    at = vehicle.start
+    if at.lat is None or at.lon is None:
+        return []
+    north, east = lat - at.lat, ((lon - at.lon + 180) % 360 - 180) * np.cos(np.deg2rad(at.lat))
+    away = float(np.deg2rad(np.hypot(north, east))) * EARTH_RADIUS
+    if away < FAR_M:
+        return []
+    return [f"the fixes lie {away / 1000:.0f} km from [start]: is that another run's?"]
 
 
 def check_odometer(run: Run, use_gnss: bool) -> None:

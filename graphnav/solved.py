@@ -65,6 +65,7 @@ class Solved:
     rests: Array  # (K, 2) s, spans of standstill
     solver: dict[str, Any]  # for summary.json
     verdicts: list[str]
+    gaps: Array | None = None  # (G, 4) of the IMU: start, end, s; turn [rad] and speed [m/s] lost
     wheel_events: tuple[Event, ...] = ()  # of single wheels of a rover
     causal: dict[str, Array] | None = None  # columns of trajectory_causal.parquet
 

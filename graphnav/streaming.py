@@ -14,7 +14,7 @@ from graphnav.causal_states import CausalStates
 from graphnav.corrections import Correction
 from graphnav.errors import InputError
 from graphnav.growing import Growing
-from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, Sides, next_node
+from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, Sides, next_node, sound
 from graphnav.known import Known
 from graphnav.node_log import NodeLog, Sensors
 from graphnav.nodes import INTERVAL_S, room_of
@@ -90,42 +90,44 @@ class Smoother:
         self._newest: Known | None = None
         self._aligned = 0.0  # s, when the alignment was done
         self._left = 0  # node that leaves the lag next
+        self._newest_of: dict[str, float] = {}  # sample, s, by sensor
         self._rocking: dict[int, Array] = {}  # of each standstill, by its first increment
 
     def add_imu(self, time: ArrayLike, gyro: ArrayLike, accel: ArrayLike) -> None:
         """Samples: time of the end of each interval (n,) s, mean rate and specific force (n, 3)."""
         due = perf_counter()
-        t = self._since_start(time)
+        t, w, f = self._sound("add_imu", time, np.atleast_2d(gyro), np.atleast_2d(accel))
         axes = self.vehicle.imu.axes_matrix
-        w, f = (np.atleast_2d(np.asarray(x, np.float64)) @ axes.T for x in (gyro, accel))
-        self._inertial.add(t, w, f)
+        self._inertial.add(t, w @ axes.T, f @ axes.T)
         self._advance(self._judgeable(), due)
 
     def add_odometer(
         self, time: ArrayLike, *, speed: ArrayLike | None = None, pulses: ArrayLike | None = None
     ) -> None:
         """Speeds (n,) m/s or readings of the pulse counter (n,)."""
-        t = self._since_start(time)
         if (speed is None) == (pulses is None):
             raise InputError("add_odometer: give either speed [m/s] or pulses")
-        if not len(self._odometer):
-            per_pulse = self.vehicle.odometer.metres_per_pulse
-            if pulses is not None and per_pulse is None:
-                raise InputError("add_odometer: pulses need [odometer] metres_per_pulse [m]")
-            self._odometer.pulse = per_pulse or 0.0 if pulses is not None else 0.0
-        if speed is not None:
-            self._odometer.add_speed(t, np.atleast_1d(np.asarray(speed, np.float64)))
+        counts = pulses is not None
+        per_pulse = self.vehicle.odometer.metres_per_pulse
+        if counts and per_pulse is None:
+            raise InputError("add_odometer: pulses need [odometer] metres_per_pulse [m]")
+        if len(self._odometer) and counts != (self._odometer.pulse > 0):
+            raise InputError("add_odometer: give speeds or pulses, the same all the way")
+        t, values = self._sound("add_odometer", time, pulses if counts else speed)
+        if counts:
+            self._odometer.pulse = per_pulse or 0.0
+            self._odometer.add_pulses(t, values, FASTEST)
         else:
-            self._odometer.add_pulses(t, np.atleast_1d(np.asarray(pulses, np.float64)), FASTEST)
+            self._odometer.add_speed(t, values)
 
     def add_sides(self, time: ArrayLike, left: ArrayLike, right: ArrayLike) -> None:
         """Speeds of both sides (n,) m/s, for the turn they tell; their mean is no odometer yet."""
-        t = self._since_start(time)
+        t, *both = self._sound("add_sides", time, left, right)
         layout = None if self.graph is None else self.graph.log.prep.layout
         turns = self.vehicle.kind == "tracked" and len(t) > 0
         if turns and layout is not None and "track_width" not in layout.slices:
             raise InputError("add_sides: give both sides from the start, before the alignment")
-        self._sides.add(t, *(np.atleast_1d(np.asarray(v, np.float64)) for v in (left, right)))
+        self._sides.add(t, *both)
 
     def add_gnss(
         self,
@@ -136,15 +138,15 @@ class Smoother:
         sd_enu: ArrayLike | None = None,
     ) -> None:
         """Fixes: degrees, ellipsoidal height m, one sigma (n, 3) m or the vehicle file's."""
-        t = self._since_start(time)
         sd = self.vehicle.gnss.sd if sd_enu is None else np.asarray(sd_enu, np.float64)
-        place = np.column_stack([np.atleast_1d(x) for x in (lat_deg, lon_deg, height)])
-        self._aiding.add_fixes(t, place, np.broadcast_to(sd, (len(t), 3)))
+        each = np.broadcast_to(sd, (np.size(time), 3))
+        t, lat, lon, up, each = self._sound("add_gnss", time, lat_deg, lon_deg, height, each)
+        self._aiding.add_fixes(t, np.column_stack([lat, lon, up]), each)
 
     def add_heading(self, time: ArrayLike, heading_deg: ArrayLike) -> None:
         """External heading (n,), degrees clockwise from north."""
-        t = self._since_start(time)
-        self._aiding.add_headings(t, np.deg2rad(np.atleast_1d(heading_deg)))
+        t, degrees = self._sound("add_heading", time, heading_deg)
+        self._aiding.add_headings(t, np.deg2rad(degrees))
 
     @property
     def increments(self) -> Increments:
@@ -172,11 +174,19 @@ class Smoother:
         else:
             self.history += self._leaving(np.inf)
 
-    def _since_start(self, time: ArrayLike) -> Array:
-        t = np.atleast_1d(np.asarray(time, dtype=np.float64))
-        if self._clock is None:
+    def _sound(self, sensor: str, time: ArrayLike, *values: ArrayLike | None) -> list[Array]:
+        """Seconds since the start and values of the samples that hold numbers, in order of time."""
+        t, *columns = sound(sensor, time, values)
+        if self._clock is None and len(t):
             self._clock = float(t[0])
-        return t - self._clock
+        t = t - (self._clock or 0.0)
+        before = np.append(self._newest_of.get(sensor, -np.inf), t)
+        late = np.flatnonzero(np.diff(before) <= 0)
+        if len(late):
+            a, b = before[late[0] : late[0] + 2] + (self._clock or 0.0)
+            raise InputError(f"{sensor}: time {b:.15g} after {a:.15g}: give samples in order, once")
+        self._newest_of[sensor] = float(before[-1])
+        return [t, *columns]
 
     def _judgeable(self) -> int:
         """Increments whose look-ahead is complete."""

@@ -66,20 +66,40 @@ def table(solved: Solved, rate_hz: float) -> dict[str, Array]:
     for name, angle in (("roll", roll), ("pitch", pitch), ("heading", heading)):
         columns[f"{name}_deg"] = np.rad2deg(angle)
 
-    def between(values: Array) -> Array:
-        return np.asarray(np.interp(t, solved.node_time, values))
+    turn, speed, place = _astray(t, solved.gaps)
+
+    def between(values: Array, more: Array | float = 0.0) -> Array:
+        return np.asarray(np.hypot(np.interp(t, solved.node_time, values), more))
 
     for k, axis in enumerate(("e", "n", "u")):
-        columns[f"sd_{axis}"] = between(sd.position[:, k])
+        columns[f"sd_{axis}"] = between(sd.position[:, k], place)
     for k, axis in enumerate(("e", "n", "u")):
-        columns[f"sd_v_{axis}"] = between(sd.velocity[:, k])
+        columns[f"sd_v_{axis}"] = between(sd.velocity[:, k], speed)
     for k, name in enumerate(("roll", "pitch", "heading")):
-        columns[f"sd_{name}_deg"] = np.rad2deg(between(sd.angles[:, k]))
+        columns[f"sd_{name}_deg"] = np.rad2deg(between(sd.angles[:, k], turn))
     columns["state"] = solved.timeline.state_at(t)
-    columns["corr_en"] = between(sd.correlation_en)
+    columns["corr_en"] = np.interp(t, solved.node_time, sd.correlation_en)
     held = _held(t, end, weight, solved.node_time)
     columns |= dict(zip(("w_x", "w_y", "w_z"), held.T, strict=True))
     return columns
+
+
+def _astray(t: Array, gaps: Array | None) -> tuple[Array, Array, Array]:
+    """How far attitude [rad], velocity [m/s] and position [m] may stray inside gaps of the IMU.
+
+    A random walk of the turn and of the speed, tied to what is known at both ends: of a Wiener
+    velocity with both its ends and both positions fixed the variances are
+    `s (1-s) (1 - 3 s (1-s))` and `T^2 (s (1-s))^3 / 3` at the share s of the gap T.
+    """
+    out = np.zeros((3, len(t)))
+    for start, end, turn, speed in [] if gaps is None else gaps:
+        on = slice(*np.searchsorted(t, [start, end]).tolist())
+        s = (t[on] - start) / (end - start)
+        u = s * (1 - s)
+        out[0, on] = turn * np.sqrt(u)
+        out[1, on] = speed * np.sqrt(u * (1 - 3 * u))
+        out[2, on] = speed * (end - start) * np.sqrt(u**3 / 3)
+    return out[0], out[1], out[2]
 
 
 def _held(t: Array, end: Array, weight: Array, node_time: Array) -> Array:

@@ -1,8 +1,8 @@
 """vehicle.toml from disk; each mistake in it becomes one line that names the cure."""
 
-import difflib
 import tomllib
 from collections.abc import Iterable
+from difflib import SequenceMatcher
 from pathlib import Path
 from types import NoneType, UnionType
 from typing import Annotated, Any, Union, get_args, get_origin
@@ -50,7 +50,7 @@ def parse_vehicle(table: dict[str, Any], source: str = "vehicle") -> Vehicle:
 
 def nearest(word: str, known: Iterable[str]) -> str:
     """The known word most like `word`."""
-    return max(known, key=lambda k: difflib.SequenceMatcher(None, word.lower(), k).ratio())
+    return max(known, key=lambda k: SequenceMatcher(None, word.lower(), k.lower()).ratio())
 
 
 def _section(name: str) -> type[Section] | None:

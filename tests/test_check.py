@@ -139,7 +139,24 @@ def test_wild_fixes_and_the_date_line_are_no_journey(tmp_path: Path) -> None:
     table = driven().assign(odo_speed=0.0, gnss_lat=60.0, gnss_lon=180.0, gnss_height=1.0)
     table.loc[::2, "gnss_lon"] = -179.99999
     table.loc[100, "gnss_lat"] = 60.1
-    assert any("never moves" in finding for finding in check(*pair(saved(table, tmp_path))))
+    assert any(
+        "never moves" in finding for finding in check(*pair(saved(table, tmp_path, WITHOUT_START)))
+    )
+
+
+def test_a_clock_in_milliseconds_is_told(tmp_path: Path) -> None:
+    table = driven()
+    run, vehicle = pair(saved(table.assign(time=table["time"] * 1000), tmp_path))
+    with pytest.raises(InputError, match=r"is its clock in ms"):
+        check(run, vehicle)
+
+
+def test_fixes_in_radians_are_told(tmp_path: Path) -> None:
+    lat, lon = np.deg2rad([45.0, 10.0])
+    table = driven().assign(gnss_lat=lat, gnss_lon=lon, gnss_height=1.0)
+    run, vehicle = pair(saved(table, tmp_path))
+    with pytest.raises(InputError, match=r"seem to be in radians"):
+        check(run, vehicle)
 
 
 def test_nothing_says_where_the_run_began(tmp_path: Path) -> None:

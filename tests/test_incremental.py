@@ -301,6 +301,34 @@ def test_an_odometer_that_begins_late_is_heard(prep: Prepared) -> None:
     assert "displacement" in kinds
 
 
+def test_samples_that_are_no_numbers_are_left_out(directory: Path) -> None:
+    smoother = Smoother(directory / "vehicle.toml")
+    t = np.arange(1, 301) / 100
+    gyro, accel = np.zeros((300, 3)), np.tile([0.0, 0.0, 9.8], (300, 1))
+    gyro[17, 1], accel[40, 2] = np.nan, np.inf
+    smoother.add_odometer(t[::10], pulses=np.where(t[::10] > 1, np.nan, 0.0))
+    smoother.add_gnss(t[:1], [np.nan], [11.0], [100.0])
+    smoother.add_imu([], np.zeros((0, 3)), np.zeros((0, 3)))
+    smoother.add_imu(t, gyro, accel)
+    assert np.isfinite(smoother.increments.rotation).all()
+
+
+def test_misuse_of_the_stream_is_told_in_one_line(directory: Path) -> None:
+    smoother = Smoother(directory / "vehicle.toml")
+    smoother.add_imu(0.01, np.zeros(3), np.array([0.0, 0.0, 9.8]))
+    smoother.add_odometer([0.1, 0.2], pulses=[0, 1])
+    calls = [
+        (lambda: smoother.add_imu(0.01, np.zeros(3), np.zeros(3)), "add_imu: time 0.01 after 0.01"),
+        (lambda: smoother.add_imu([0.02, 0.03], np.zeros((3, 2)), np.zeros((3, 2))), "shape"),
+        (lambda: smoother.add_odometer([0.3], pulses=[1, 2]), "add_odometer: values of shape"),
+        (lambda: smoother.add_odometer([0.3], speed=[1.0]), "the same all the way"),
+    ]
+    for call, told in calls:
+        with pytest.raises(InputError, match=told) as error:
+            call()
+        assert "\n" not in str(error.value)
+
+
 def test_both_sides_take_part_in_the_stream(tmp_path: Path) -> None:
     """A skid-steered vehicle whose two sides are recorded: their turn finds the width of skidding
     in the stream as in the batch.
