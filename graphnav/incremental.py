@@ -26,6 +26,7 @@ from graphnav.streaming import Smoother
 
 PIECE_S = 20.0  # of the recording given to the stream at a time
 THOUSAND = 1000
+STRAYED_M = 1.0  # of iSAM2's last estimate from the batch's, at least, that is worth telling
 
 
 @dataclass(frozen=True)
@@ -65,6 +66,18 @@ def known_and_solver(prep: Prepared, lag: float | None) -> tuple[list[Known], di
         "lag_s": lag,
         "nodes_incremental": stream.graph.last + 1,
     }
+
+
+def verdicts(replayed: Replayed) -> list[str]:
+    """Whether the stream lost its way, for the user to read."""
+    apart = replayed.solver["isam_minus_batch_max_m"]
+    usual = float(np.median([np.hypot(*k.sd_enu[:2]) for k in replayed.known] or [0.0]))
+    if apart < max(usual, STRAYED_M):
+        return []
+    return [
+        f"the stream ended up to {apart:.1f} m from the batch solution of its own factors: do not "
+        "rely on trajectory_causal.parquet"
+    ]
 
 
 def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoother:

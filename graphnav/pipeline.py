@@ -113,7 +113,9 @@ def solve(
         told.beside(replay.peak_memory_mb, since="dead reckoning")
         solved = finish(replay.smoothed)
         known = incremental.causal(replay, prep)
-        return replace(solved, solver=solved.solver | replay.solver, causal=known)
+        said = solved.verdicts + incremental.verdicts(replay)
+        solver = solved.solver | replay.solver
+        return replace(solved, solver=solver, causal=known, verdicts=said)
     return finish(smooth_prepared(prep, told))
 
 
