@@ -57,7 +57,7 @@ def _versine(t2: Array) -> Array:
     """`(1 - cos(t)) / t^2` of squared angles."""
     return _blended(
         t2,
-        lambda s: 0.5 - s / 24 * (1 - s / 30 * (1 - s / 56)),
+        lambda s: 0.5 - s / 24 * (1 - s / 30 * (1 - s / 56 * (1 - s / 90))),
         lambda t: 0.5 * (np.sin(t / 2) / (t / 2)) ** 2,
     )
 
@@ -66,7 +66,7 @@ def _remainder(t2: Array) -> Array:
     """`(t - sin(t)) / t^3` of squared angles."""
     return _blended(
         t2,
-        lambda s: 1 / 6 - s / 120 * (1 - s / 42 * (1 - s / 72)),
+        lambda s: 1 / 6 - s / 120 * (1 - s / 42 * (1 - s / 72 * (1 - s / 110))),
         lambda t: (t - np.sin(t)) / t**3,
     )
 

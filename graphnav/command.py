@@ -68,11 +68,7 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
     debug = bool(os.environ.get("GRAPHNAV_DEBUG"))
     if not debug:
         warnings.simplefilter("ignore")
-    for name in ("SIGTERM", "SIGHUP"):  # run the clean-up; Windows has no SIGHUP
-        if hasattr(signal, name):
-            number = getattr(signal, name)
-            signal.signal(number, lambda n, _: sys.exit(128 + n))
-    interrupts = _heard_interrupts()
+    heard = _heard_signals()
     try:
         with command.make_context("graphnav", list(args)) as context:
             command.invoke(context)
@@ -92,8 +88,8 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
             raise
         return _say(f"{error.filename or 'file'}: {error.strerror or error}", 2)
     except Exception as error:
-        if interrupts:
-            return _say(NOTHING_WRITTEN, INTERRUPTED)
+        if heard:
+            return _say(NOTHING_WRITTEN, 128 + heard[-1])
         if debug:
             raise
         kind = type(error).__name__
@@ -101,16 +97,22 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
     return 0
 
 
-def _heard_interrupts() -> list[int]:
-    """A list that fills with every Ctrl-C: a library may turn the exception into one of its own."""
+def _heard_signals() -> list[int]:
+    """A list that fills with every Ctrl-C, kill and hang-up; the exception they raise runs the
+    clean-up, but a library may turn it into one of its own.
+    """
     heard: list[int] = []
 
     def hear(number: int, _: object) -> None:
         heard.append(number)
-        raise KeyboardInterrupt
+        if number == signal.SIGINT:
+            raise KeyboardInterrupt
+        sys.exit(128 + number)
 
-    if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
-        signal.signal(signal.SIGINT, hear)
+    for name in ("SIGINT", "SIGTERM", "SIGHUP"):  # Windows has no SIGHUP
+        number = getattr(signal, name, None)
+        if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+            signal.signal(number, hear)
     return heard
 
 

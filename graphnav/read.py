@@ -93,6 +93,8 @@ def _imu(reader: _Reader) -> Imu | None:
 
 def _turned(vectors: Array, axes: Array) -> Array:
     """Recorded vectors (N, 3) in RFU; a signed permutation is quicker picked than multiplied."""
+    if (axes == np.eye(3)).all():
+        return vectors
     return np.asarray(vectors[:, np.abs(axes).argmax(1)] * axes.sum(1))
 
 

@@ -45,15 +45,18 @@ class Samples:
         missing = [name for name in names if name not in self.columns]
         if missing:
             raise missing_column(self.file, missing[0], f"{what} needs {', '.join(names)}")
-        values = np.stack([self.columns[name] for name in names], -1)
-        there = np.isfinite(values)
-        partial = there.any(-1) & ~there.all(-1)
-        if partial.any():
-            row = int(partial.argmax())
-            blank = names[int((~there[row]).argmax())]
+        values = [self.columns[name] for name in names]
+        filled = np.zeros(len(self.clock), np.uint8)
+        for column in values:
+            filled += np.isfinite(column)
+        partial = np.flatnonzero((filled > 0) & (filled < len(names)))
+        if len(partial):
+            row = int(partial[0])
+            blank = next(n for n, v in zip(names, values, strict=True) if not np.isfinite(v[row]))
             raise self.error(row, f"{what} is half filled: {blank} is blank; fill or blank all")
-        rows = np.flatnonzero(there.all(-1))
-        return rows, values[rows]
+        rows = np.flatnonzero(filled)
+        every = slice(None) if len(rows) == len(filled) else rows
+        return rows, np.stack([column[every] for column in values], -1)
 
 
 def missing_column(file: TableFile, name: str, need: str) -> InputError:

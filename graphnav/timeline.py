@@ -46,10 +46,6 @@ class Timeline:
         """State name at each time, (N,)."""
         return self.state[self.segment_at(times)]
 
-    def probability_at(self, times: Array) -> Array:
-        """Probability of the segment each time lies in, (N,)."""
-        return self.probability[self.segment_at(times)]
-
     def covering(self, start: float, end: float) -> "Timeline":
         """The same segments with the first and last stretched (or cut) to span start..end, s."""
         inside = (self.end > start) & (self.start < end)
