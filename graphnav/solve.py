@@ -16,7 +16,7 @@ from graphnav.run import Array
 Step = tuple[Array, Array]  # error states of nodes (N, 10) and calibration segments (K, dim)
 Linearise = Callable[[Estimate], list[Block]]
 
-ROUGH, FINE = 10.0, 1e-2  # squared length of the last step in standard deviations, all states
+ROUGH, FINE = 30.0, 1e-2  # squared length of the last step in standard deviations, all states
 MAX_ITERATIONS, ROUGH_ITERATIONS = 40, 12
 # weights stay once a step was so short, at the latest from this iteration on: a redescending
 # weight may creep for ever
