@@ -27,6 +27,7 @@ from graphnav.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 FASTEST = 150.0  # m/s: a counter that implies more has wrapped or was reset
+CARRIED_S = 0.2  # a fix repeated sooner is no new one
 
 
 @dataclass(frozen=True)
@@ -188,9 +189,19 @@ def _gnss(reader: _Reader) -> Gnss | None:
             f"{int(nowhere.sum())} GNSS fixes at 0, 0 are receivers' blanks: left out"
         )
         rows, fix, sd = rows[~nowhere], fix[~nowhere], sd[~nowhere]
+    again = _repeated(reader.time(rows), fix)
+    if again.any():
+        reader.notes.append(f"{int(again.sum())} GNSS rows repeat the fix before: left out")
+        rows, fix, sd = rows[~again], fix[~again], sd[~again]
     if not len(rows):
         return None
     return Gnss(reader.time(rows), fix[:, 0], fix[:, 1], fix[:, 2], sd)
+
+
+def _repeated(time: Array, fix: Array) -> NDArray[np.bool_]:
+    """Rows that only carry the last fix on, as loggers do that fill every row, (K,)."""
+    same = (np.diff(fix, axis=0) == 0).all(axis=1) & (np.diff(time) < CARRIED_S)
+    return np.concatenate([np.zeros(min(len(fix), 1), bool), same])
 
 
 def _gnss_sd(reader: _Reader, rows: Rows) -> Array:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from factors import so3
+from graphnav import increments as module
 from graphnav.increments import increments
 from graphnav.run import Array, Imu
 
@@ -109,3 +110,15 @@ def test_a_gap_in_time_is_carried_by_its_sample() -> None:
     assert np.diff(inc.edge).max() == pytest.approx(0.35)
     assert np.diff(inc.edge).sum() == pytest.approx(2.0)
     assert np.isfinite(inc.rotation).all()
+
+
+def test_blocks_on_several_threads_change_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    rng = np.random.default_rng(3)
+    dt = np.full(997, 0.01)
+    dt[400] = 2.0
+    imu = Imu(np.cumsum(dt), dt, rng.normal(0, 0.3, (997, 3)), rng.normal(0, 3.0, (997, 3)))
+    whole = increments(imu)
+    monkeypatch.setattr(module, "BLOCK", 50)
+    parts = increments(imu)
+    for name in ("edge", "rotation", "velocity", "position", "jump", "doubt"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name))

@@ -193,3 +193,14 @@ def test_shared_runs(name: str, samples: int, fixes: int, pulse: float) -> None:
     assert (len(run.gnss.time) if run.gnss else 0) == fixes
     assert run.odometer.pulse == pulse
     assert run.notes == ()
+
+
+def test_fixes_carried_on_by_the_logger_count_once(tmp_path: Path) -> None:
+    table = driven()
+    second = np.floor(table["time"])
+    carried = table.assign(gnss_lat=45.0 + 1e-5 * second, gnss_lon=10.0, gnss_height=1.0)
+    path = saved(carried, tmp_path)
+    run = read_run(path, load_vehicle(None, path))
+    assert run.gnss is not None
+    assert len(run.gnss.time) == second.nunique()
+    assert any("repeat the fix before" in note for note in run.notes)
