@@ -9,7 +9,7 @@ from graphnav.aiding import Aiding, usual_fix
 from graphnav.alignment import LEVELLING_S, Alignment, align
 from graphnav.corrections import Correction, correction_table
 from graphnav.errors import InputError
-from graphnav.intake import Distance, Inertial, Rest, Sides
+from graphnav.intake import Sensors
 from graphnav.preparation import (
     Prepared,
     inertial_noise,
@@ -31,39 +31,37 @@ class Beginning:
         self,
         vehicle: Vehicle,
         table: dict[str, Correction] | None,
-        inertial: Inertial,
-        rest: Rest,
+        sensors: Sensors,
         aiding: Aiding,
         expects_fixes: bool,
+        interval: float,
     ) -> None:
-        self._vehicle, self._table = vehicle, table
-        self._inertial, self._rest, self._aiding = inertial, rest, aiding
+        self._vehicle, self._table, self._interval = vehicle, table, interval
+        self._sensors, self._aiding = sensors, aiding
         self._expects_fixes = expects_fixes
         self._looked = 0.0  # s, until when it was tried
         self.why: InputError | None = None  # it was not possible
 
-    def attempt(
-        self, ready: int, odometer: Distance, sides: Sides, last: bool = False
-    ) -> Prepared | None:
+    def attempt(self, ready: int, last: bool = False) -> Prepared | None:
         """The alignment with all that goes with it, once possible with the judged increments.
 
         `last`: there will be no more, nothing is waited for.
         """
-        edge = self._inertial.edge.rows
+        edge = self._sensors.inertial.edge.rows
         while ready and edge[ready] - edge[0] >= self._looked + 1.0:
             self._looked += 1.0
             until = int(np.searchsorted(edge, edge[0] + self._looked - 1e-9))
-            found = self._tried(until, odometer, sides, waits=True)
+            found = self._tried(until, waits=True)
             if found is not None:
                 return found
-        return self._tried(ready, odometer, sides, waits=False) if last and ready else None
+        return self._tried(ready, waits=False) if last and ready else None
 
-    def _tried(self, until: int, odometer: Distance, sides: Sides, waits: bool) -> Prepared | None:
+    def _tried(self, until: int, waits: bool) -> Prepared | None:
         """The alignment with the first `until` increments, unless more is worth waiting for."""
-        edge = self._inertial.edge.rows
-        run = self._so_far(float(edge[until]), odometer, sides)
-        inc = self._inertial.between(0, until)
-        rested = standing_start(self._rest.spans(edge, until), inc)
+        edge = self._sensors.inertial.edge.rows
+        run = self._so_far(float(edge[until]))
+        inc = self._sensors.inertial.between(0, until)
+        rested = standing_start(self._sensors.rest.spans(edge, until), inc)
         if waits and self._waits(run, rested, until):
             return None
         try:
@@ -74,14 +72,17 @@ class Beginning:
 
     def _waits(self, run: Run, rested: float, until: int) -> bool:
         """Whether more is worth waiting for: the end of a rest, levelling, more fixes."""
-        if self._rest.still.rows[until - 1] and rested == self._inertial.edge.rows[until]:
+        if (
+            self._sensors.rest.still.rows[until - 1]
+            and rested == self._sensors.inertial.edge.rows[until]
+        ):
             return self._looked < LONGEST_REST_S
         few = run.gnss is not None and len(run.gnss.time) < FEW_FIXES
         if few and self._looked < FIXES_WITHIN_S:
             return True
         return rested == 0 and self._looked < LEVELLING_S
 
-    def _so_far(self, until: float, odometer: Distance, sides: Sides) -> Run:
+    def _so_far(self, until: float) -> Run:
         """What came until a time, as a run."""
         gnss, heading = self._aiding.until(until)
         return Run(
@@ -89,8 +90,8 @@ class Beginning:
             clock_start=0.0,
             end=until,
             imu=None,
-            odometer=odometer.around(0.0, until),
-            sides=sides.around(0.0, until),
+            odometer=self._sensors.odometer.around(0.0, until),
+            sides=self._sensors.sides.around(0.0, until),
             gnss=gnss,
             heading=heading,
             rover=None,
@@ -107,7 +108,7 @@ class Beginning:
             recorded=run,
             run=run,
             vehicle=vehicle,
-            inc=self._inertial.between(0, 1),
+            inc=self._sensors.inertial.between(0, 1),
             noise=inertial_noise(vehicle),
             still=np.zeros(1, bool),
             rests=np.zeros((0, 2)),
@@ -117,4 +118,5 @@ class Beginning:
             gnss=None,
             fixes_n=np.zeros((0, 3)),
             rocking=np.zeros(3),
+            interval=self._interval,
         )

@@ -14,7 +14,7 @@ import gtsam
 import numpy as np
 
 from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Index
+from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block
 from factors.calibration import prior as calibration_prior
 from factors.calibration import walk
 from factors.inertial import predict
@@ -22,7 +22,7 @@ from factors.preintegration import Preintegrated
 from graphnav.aiding import Aid
 from graphnav.assembly import Rows, stacked
 from graphnav.earth import Origin
-from graphnav.elimination import covariances, eliminate, linear_system
+from graphnav.elimination import covariances
 from graphnav.estimate import Estimate
 from graphnav.isam import Tree
 from graphnav.node_log import NodeLog
@@ -31,7 +31,7 @@ from graphnav.noise import rescaled
 from graphnav.problem import Problem
 from graphnav.run import Array
 from graphnav.smoother import FIRST
-from graphnav.solve import weights_of
+from graphnav.solve import square_root
 from graphnav.tape import Tape
 
 BACK_S = 20.0  # s of the newest nodes that are linearised anew
@@ -159,7 +159,7 @@ class Growing:
         rows = self._rows(problem.linearise(estimate), first)
         if first < n:
             self._exchange(window, rows.between(0, n - first))
-        segment: Index = self.log.segment.rows[n:].astype(np.int64)
+        segment = self.log.segment_of(n, self.last)
         x = np.concatenate([window.x[-1:], np.zeros((len(edges), NODE_DIM))])
         c = np.where((segment == before)[:, None], window.c[-1:], 0.0)
         rows = rows.between(n - first, self.last - first).in_base(x, c).in_unit(self._unit)
@@ -172,8 +172,7 @@ class Growing:
             self._tip = self._tree.marginal(n + k + 1)
             yield n + k + 1
         if self._lag is None and self.last >= GROWTH * self._swept:
-            self._learn()
-            self.relinearise()
+            self.relinearise(learning=True)
             self._swept = self.last
 
     def _ahead(self, known: Estimate, n: int, pre: Preintegrated | None) -> Estimate:
@@ -224,21 +223,23 @@ class Growing:
         dim = self.log.prep.layout.dim
         return stacked(blocks, self.last - first, dim, FIRST, begins=first == 0)
 
-    def relinearise(self) -> None:
-        """Linearise every interval again at the present estimate, as far as the lag goes back."""
+    def relinearise(self, learning: bool = False) -> None:
+        """Linearise every interval again at the present estimate, as far as the lag goes back;
+        `learning` with the noise their residuals show.
+        """
         window = self._since(0)
+        if learning:
+            self._learn(window.estimate)
         if window.first < self.last:
             problem = self.log.problem(window.first, self.last, window.estimate)
             rows = self._rows(problem.linearise(window.estimate), window.first)
             self._exchange(window, rows)
 
-    def _learn(self) -> None:
+    def _learn(self, estimate: Estimate) -> None:
         """Find the noise in the residuals of the whole run so far, as the batch's rounds do."""
-        estimate = self.everything()
-        problem = self.log.problem(0, self.last, estimate)
+        problem = self.whole(estimate)
         blocks = problem.linearise(estimate)
-        weighted = [block.weighted(weights_of(block, FIRST)) for block in blocks]
-        net = eliminate(linear_system(weighted, problem.chain), problem.chain)
+        net = square_root(blocks, problem.chain, FIRST)
         joints = covariances(net, problem.chain).joints
         found = rescaled(self.log.scales, blocks, problem.groups, joints)
         gear = {key: scale for key, scale in found.items() if not key.startswith("gnss")}
@@ -247,7 +248,7 @@ class Growing:
     def _exchange(self, window: Window, rows: Rows) -> None:
         """Put a window's rows, linearised and weighed at its estimate, in the place of the old."""
         first = window.first
-        segment: Index = self.log.segment.rows[first : first + len(window.x) - 1].astype(np.int64)
+        segment = self.log.segment_of(first, first + len(window.x) - 1)
         rows = rows.weighted(-rows.b).in_base(window.x, window.c[segment - segment[0]])
         keys = self._tree.keys(first, segment.tolist())
         factors = list(rows.in_unit(self._unit).factors(*keys))

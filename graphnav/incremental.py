@@ -14,14 +14,14 @@ import numpy as np
 
 from factors.block import POSITION
 from graphnav.aside import Aside
-from graphnav.elimination import eliminate, linear_system, step
+from graphnav.elimination import step
 from graphnav.growing import Growing
 from graphnav.known import Known
 from graphnav.preparation import Prepared
 from graphnav.run import Array, Run
 from graphnav.smoother import FIRST, Smoothed
 from graphnav.smoother import smooth as smooth_batch
-from graphnav.solve import weights_of
+from graphnav.solve import square_root
 from graphnav.streaming import Smoother
 
 PIECE_S = 20.0  # of the recording given to the stream at a time
@@ -134,9 +134,7 @@ def distance_from_batch(graph: Growing) -> float:
     """How far the batch would still move iSAM2's estimate with the same factors, m, at most."""
     estimate = graph.everything()
     problem = graph.whole(estimate)
-    blocks = problem.linearise(estimate)
-    weighted = [block.weighted(weights_of(block, FIRST)) for block in blocks]
-    net = eliminate(linear_system(weighted, problem.chain), problem.chain)
+    net = square_root(problem.linearise(estimate), problem.chain, FIRST)
     nodes, _ = step(net, problem.chain)
     return float(np.linalg.norm(nodes[:, POSITION], axis=1).max())
 

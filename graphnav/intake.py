@@ -6,6 +6,7 @@ depend on the sizes of the pieces.
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
@@ -175,20 +176,20 @@ class Rest:
         self._limit = np.full(2, np.inf)
         self._quiet_s = 0.0  # how long it has been quiet
 
-    def advance(self, inertial: Inertial, odometer: Distance | None, ready: int) -> None:
+    def advance(self, inertial: Inertial, odometer: Distance, ready: int) -> None:
         """Judge the increments up to `ready`, which must have their look-ahead."""
         done = len(self.still)
         if ready <= done:
             return
         before = max(done - 2 * FRAME, 0)
         inc = inertial.between(before, len(inertial))
-        there = None if odometer is None else odometer.around(inc.edge[0], inc.edge[-1])
+        there = odometer.around(inc.edge[0], inc.edge[-1])
         shake, turn, slow, silent = quietness(inc, there)
         deviation, dt = np.column_stack([shake, turn]), np.diff(inc.edge)
         frames = np.arange(done - done % FRAME + FRAME, ready, FRAME)
         for a, b in pairwise([done, *frames.tolist(), ready]):
             on = slice(a - before, b - before)
-            if odometer is None:
+            if not len(odometer):
                 quiet = (deviation[on] < (QUIET_FORCE, QUIET_RATE)).all(1) & slow[on]
             else:
                 quiet = silent[on] & (deviation[on] < self._limit).all(1)
@@ -209,6 +210,16 @@ class Rest:
     def spans(self, edge: Array, until: int) -> Array:
         """Standstills among the first `until` increments, (K, 2) s."""
         return spans(self.still.rows[:until] > 0, edge)
+
+
+@dataclass(frozen=True)
+class Sensors:
+    """What a stream has heard of the vehicle's own motion."""
+
+    inertial: Inertial = field(default_factory=Inertial)
+    rest: Rest = field(default_factory=Rest)
+    odometer: Distance = field(default_factory=Distance)
+    sides: Sides = field(default_factory=Sides)
 
 
 def next_node(

@@ -1,27 +1,18 @@
 """The nodes of a stream so far: where they stand, and what the sensors said between them."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
+from factors.block import Index
 from graphnav.aiding import Aid, joined
 from graphnav.estimate import Estimate
-from graphnav.intake import Distance, Inertial, Sides
+from graphnav.intake import Sensors
 from graphnav.nodes import SEGMENT_S, Nodes
 from graphnav.preparation import Prepared
 from graphnav.problem import Problem, build
 from graphnav.tape import Tape
 from graphnav.timeline import Timeline
-
-
-@dataclass(frozen=True)
-class Sensors:
-    """What a stream has heard."""
-
-    inertial: Inertial
-    still: Tape  # 0 or 1 by increment
-    odometer: Distance
-    sides: Sides
 
 
 class NodeLog:
@@ -69,10 +60,14 @@ class NodeLog:
         start = first if first < last else max(first - 1, 0)
         return slice(int(s[start]), int(s[max(last - 1, 0)]) + 1)
 
+    def segment_of(self, first: int, last: int) -> Index:
+        """The segment in force in each interval between two nodes."""
+        return self.segment.rows[first:last].astype(np.int64)
+
     def nodes(self, first: int, last: int) -> Nodes:
         """Nodes `first` to `last`, segments numbered from the first of them."""
         edge = self.edge.rows[first : last + 1].astype(np.int64)
-        segment = self.segment.rows[first:last].astype(np.int64)
+        segment = self.segment_of(first, last)
         middle = self.segment_time.rows[self.segments(first, last)]
         return Nodes(edge - edge[0], self.time.rows[first : last + 1], segment - segment[0], middle)
 
@@ -93,7 +88,7 @@ class NodeLog:
             self.prep,
             run=run,
             inc=heard.inertial.between(a, b),
-            still=heard.still.rows[a:b] > 0,
+            still=heard.rest.still.rows[a:b] > 0,
             gnss=gnss,
             fixes_n=fixes_n,
         )

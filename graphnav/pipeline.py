@@ -1,7 +1,6 @@
 """`graphnav smooth`: run file and vehicle file in, result directory out. Disk only at both ends."""
 
 import json
-from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,8 @@ import numpy as np
 from graphnav import tables, trajectory
 from graphnav.check import check
 from graphnav.errors import InputError
+from graphnav.outages import Outages
+from graphnav.outages import told as outages_told
 from graphnav.progress import Stages
 from graphnav.read import read_run
 from graphnav.run import Run
@@ -37,7 +38,7 @@ def smooth(
     nodes_hz: float = 1.0,
     rrd: bool = True,
     report: bool = False,
-    outages: Sequence[tuple[float, float]] = (),
+    outages: Outages = (),
     use_gnss: bool = True,
     csv: bool = False,
     lag: float | None = None,
@@ -53,7 +54,7 @@ def smooth(
     vehicle = load_vehicle(vehicle_path, run_path)
     run = read_run(run_path, vehicle)
     reference = _truth(truth)
-    findings = check(run, vehicle, use_gnss) + _withheld(run, outages)
+    findings = check(run, vehicle, use_gnss) + outages_told(run, outages)
     kinds = [kind for kind, on in (("recording", rrd), ("report", report)) if on]
     with Views(kinds) as views:
         solved = solve(run, vehicle, use_gnss, outages, rate_hz, told, mode, lag, nodes_hz)
@@ -68,21 +69,11 @@ def smooth(
             _update_stages(directory, told)
 
 
-def _withheld(run: Run, outages: Sequence[tuple[float, float]]) -> list[str]:
-    """What every outage took away: a mistyped one takes nothing."""
-    clock = np.zeros(0) if run.gnss is None else run.gnss.time + run.clock_start
-    counts = [int(((clock >= start) & (clock <= end)).sum()) for start, end in outages]
-    return [
-        f"outage {start:g}:{end:g} withholds {count or 'no'} fix{'es' * (count != 1)}"
-        for (start, end), count in zip(outages, counts, strict=True)
-    ]
-
-
 def solve(
     run: Run,
     vehicle: Vehicle,
     use_gnss: bool,
-    outages: Sequence[tuple[float, float]],
+    outages: Outages,
     rate_hz: float,
     told: Stages,
     mode: str = "batch",

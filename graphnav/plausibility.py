@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from itertools import permutations, product
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from graphnav.axes import DIRECTIONS, axes_matrix, axes_name
-from graphnav.earth import G_STANDARD, RATE
+from graphnav.earth import G_STANDARD, RATE, Origin
 from graphnav.errors import InputError
 from graphnav.run import Run
 from graphnav.units import DEG
@@ -21,7 +21,6 @@ Array = NDArray[np.float64]
 FASTEST_TURN = 6.0  # rad/s kept up for a second: no land vehicle turns a revolution that fast
 STILL_FORCE = 0.02  # m/s^2, change of the mean force from one second to the next, at rest
 UP_SHARE = 0.8  # of gravity that must lie on the up axis (37 deg of slope)
-EARTH_RADIUS = 6.37e6  # m
 FAR_M = 300e3  # from the start, of the middle of the fixes
 TRAVELLED_M = 100.0  # between fixes; less may be their scatter
 DEG_CURE = 'set [columns] gyro = { unit = "deg/s" } in the vehicle file'
@@ -152,7 +151,7 @@ def check_fixes(run: Run, vehicle: Vehicle) -> list[str]:
     """InputError when the fixes are in radians; a finding when they lie far from [start]."""
     if run.gnss is None:
         return []
-    lat, lon = np.median(run.gnss.lat_deg), np.median(run.gnss.lon_deg)
+    lat, lon = np.median([run.gnss.lat_deg, run.gnss.lon_deg], axis=1)
     if abs(lat) < np.pi / 2 and abs(lon) < np.pi:  # in degrees that is open sea off Guinea
         raise InputError(
             f"{run.path}: the fixes ({lat:.4f}, {lon:.4f}) seem to be in radians: set "
@@ -161,8 +160,7 @@ def check_fixes(run: Run, vehicle: Vehicle) -> list[str]:
     at = vehicle.start
     if at.lat is None or at.lon is None:
         return []
-    north, east = lat - at.lat, ((lon - at.lon + 180) % 360 - 180) * np.cos(np.deg2rad(at.lat))
-    away = float(np.deg2rad(np.hypot(north, east))) * EARTH_RADIUS
+    away = float(np.linalg.norm(_from(at.lat, at.lon, lat, lon)))
     if away < FAR_M:
         return []
     return [f"the fixes lie {away / 1000:.0f} km from [start]: is that another run's?"]
@@ -173,15 +171,20 @@ def check_odometer(run: Run, use_gnss: bool) -> None:
     if run.odometer is None or run.gnss is None or not use_gnss:
         return
     lat, lon = run.gnss.lat_deg, run.gnss.lon_deg
-    east = ((lon - lon[0] + 180) % 360 - 180) * np.cos(np.deg2rad(lat[0]))
+    fixes = _from(lat[0], lon[0], lat, lon)[:, :2]
     # a wild fix is no journey
-    spread = [np.ptp(np.percentile(degrees, (10, 90))) for degrees in (lat - lat[0], east)]
-    way = float(np.deg2rad(np.hypot(*spread))) * EARTH_RADIUS
+    way = float(np.linalg.norm(np.ptp(np.percentile(fixes, (10, 90), axis=0), axis=0)))
     if way > TRAVELLED_M and not np.ptp(run.odometer.distance) > 0:
         raise InputError(
             f"{run.path}: the odometer never moves while the fixes travel {way:.0f} m: the column "
             "is dead or another one is meant; name it under [columns] or take it out of the file"
         )
+
+
+def _from(lat_0: float, lon_0: float, lat: ArrayLike, lon: ArrayLike) -> Array:
+    """East, north, up [m] of places from another, all in degrees, (..., 3)."""
+    origin = Origin(np.deg2rad(lat_0), np.deg2rad(lon_0), 0.0)
+    return origin.local(np.deg2rad(lat), np.deg2rad(lon), np.zeros_like(lat))
 
 
 def _rest(now: Seconds) -> NDArray[np.bool_]:

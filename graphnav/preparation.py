@@ -1,6 +1,5 @@
 """Everything a solution needs that does not change between rounds."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,6 +14,7 @@ from graphnav.earth import G_STANDARD
 from graphnav.errors import InputError
 from graphnav.increments import GRID_S, increments
 from graphnav.nodes import INTERVAL_S
+from graphnav.outages import Outages, in_use
 from graphnav.reckoning import inertial_path
 from graphnav.run import Array, Gnss, Run
 from graphnav.standstill import (
@@ -28,8 +28,6 @@ from graphnav.standstill import (
     within,
 )
 from graphnav.vehicle import Vehicle
-
-Outages = Sequence[tuple[float, float]]  # on the file's clock, s
 
 LOW_GEAR_RATIO = 1.42  # of a gearbox odometer, where the vehicle file does not say (A6)
 STANDING_START_S = 3.0  # a rest at least this long, begun as the run starts, aligns
@@ -77,7 +75,7 @@ def prepare(
     if run.imu is None:
         raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
     inc = increments(run.imu, min(GRID_S, 1 / rate_hz))
-    gnss = _in_use(run, outages) if use_gnss and vehicle.gnss.use else None
+    gnss = in_use(run, vehicle, use_gnss, outages)
     used = replace(run, gnss=gnss)
     still = standing(inc, run.odometer)
     rests = spans(still, inc.edge)
@@ -146,17 +144,3 @@ def standing_start(rests: Array, inc: Increments) -> float:
         if end - start >= STANDING_START_S:
             return float(end)
     return 0.0
-
-
-def _in_use(run: Run, outages: Outages) -> Gnss | None:
-    """The fixes outside the outages, or None when none is left."""
-    gnss = run.gnss
-    if gnss is None:
-        return None
-    clock = gnss.time + run.clock_start
-    keep = np.ones(len(clock), bool)
-    for start, end in outages:
-        keep &= (clock < start) | (clock > end)
-    if not keep.any():
-        return None
-    return Gnss(*(getattr(gnss, f)[keep] for f in gnss.__dataclass_fields__))

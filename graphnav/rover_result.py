@@ -1,6 +1,6 @@
 """A smoothed rover as the writers want it, and what its wheels did wrong."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 from factors.block import PHASE
 from graphnav.calibrations import DEG_H, MG
 from graphnav.events import Event
+from graphnav.outages import Outages, in_use
 from graphnav.rover import Wheels
 from graphnav.rover_problem import fixes_n
 from graphnav.rover_smoother import RoverSolution, first_guess, path_of, smooth_rover
-from graphnav.run import Array, Gnss, Run
+from graphnav.run import Array, Run
 from graphnav.solved import Calibrated, Odometry, Solved
 from graphnav.timeline import Timeline, timeline_from_states
 from graphnav.vehicle import Vehicle
@@ -54,7 +55,7 @@ def solve_rover(
     vehicle: Vehicle,
     *,
     use_gnss: bool = True,
-    outages: Sequence[tuple[float, float]] = (),
+    outages: Outages = (),
     told: Callable[[str], None] = lambda _: None,
     feel_ground: bool = True,
 ) -> Solved:
@@ -65,7 +66,7 @@ def solve_rover(
     Raises `InputError` when wheels, geometry or start are missing, `SolutionError` when the graph
     does not settle.
     """
-    gnss = _in_use(run, outages) if use_gnss and vehicle.gnss.use else None
+    gnss = in_use(run, vehicle, use_gnss, outages)
     solution = smooth_rover(replace(run, gnss=gnss), vehicle, told, feel_ground)
     problem = solution.problem
     kept = [i for i, b in enumerate(solution.solution.blocks) if b.kind not in INNER]
@@ -94,17 +95,6 @@ def solve_rover(
         verdicts=verdicts(solution),
         wheel_events=tuple(wheel_events(solution)),
     )
-
-
-def _in_use(run: Run, outages: Sequence[tuple[float, float]]) -> Gnss | None:
-    """The fixes outside the outages, or None when none is left."""
-    if run.gnss is None:
-        return None
-    clock = run.gnss.time + run.clock_start
-    keep = np.ones(len(clock), bool)
-    for start, end in outages:
-        keep &= (clock < start) | (clock > end)
-    return Gnss(*(getattr(run.gnss, f)[keep] for f in vars(run.gnss))) if keep.any() else None
 
 
 def rests(wheels: Wheels) -> Array:

@@ -47,6 +47,14 @@ def cost_of(blocks: list[Block], weights: list[Array]) -> float:
     return 0.5 * sum(float(np.sum(w * b.residual**2)) for b, w in zip(blocks, weights, strict=True))
 
 
+def square_root(
+    blocks: list[Block], chain: Chain, robust: Mapping[str, Robust]
+) -> gtsam.GaussianBayesNet:
+    """The system of blocks weighted at their residuals, by QR."""
+    weighted = [block.weighted(weights_of(block, robust)) for block in blocks]
+    return eliminate(linear_system(weighted, chain), chain)
+
+
 def gauss_newton(
     linearise: Linearise,
     estimate: Estimate,

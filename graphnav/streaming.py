@@ -14,9 +14,9 @@ from graphnav.causal_states import CausalStates
 from graphnav.corrections import Correction
 from graphnav.errors import InputError
 from graphnav.growing import Growing
-from graphnav.intake import LOOK_AHEAD_S, Distance, Inertial, Rest, Sides, next_node, sound
+from graphnav.intake import LOOK_AHEAD_S, Sensors, next_node, sound
 from graphnav.known import Known
-from graphnav.node_log import NodeLog, Sensors
+from graphnav.node_log import NodeLog
 from graphnav.nodes import INTERVAL_S, room_of
 from graphnav.read import FASTEST
 from graphnav.run import Array
@@ -78,12 +78,11 @@ class Smoother:
         self._expects = fixes and vehicle.gnss.use
         self._interval = interval
         self._clock = clock  # at time 0
-        self._inertial, self._rest = Inertial(), Rest()
-        self._odometer, self._sides = Distance(), Sides()
+        self._heard = Sensors()
         self._aiding = Aiding(self._expects)
         self.graph: Growing | None = None
         self._beginning = Beginning(
-            vehicle, table, self._inertial, self._rest, self._aiding, self._expects
+            vehicle, table, self._heard, self._aiding, self._expects, interval
         )
         self._states = CausalStates(vehicle)
         self.history: list[Known] = []
@@ -98,7 +97,7 @@ class Smoother:
         due = perf_counter()
         t, w, f = self._sound("add_imu", time, np.atleast_2d(gyro), np.atleast_2d(accel))
         axes = self.vehicle.imu.axes_matrix
-        self._inertial.add(t, w @ axes.T, f @ axes.T)
+        self._heard.inertial.add(t, w @ axes.T, f @ axes.T)
         self._advance(self._judgeable(), due)
 
     def add_odometer(
@@ -111,14 +110,14 @@ class Smoother:
         per_pulse = self.vehicle.odometer.metres_per_pulse
         if counts and per_pulse is None:
             raise InputError("add_odometer: pulses need [odometer] metres_per_pulse [m]")
-        if len(self._odometer) and counts != (self._odometer.pulse > 0):
+        if len(self._heard.odometer) and counts != (self._heard.odometer.pulse > 0):
             raise InputError("add_odometer: give speeds or pulses, the same all the way")
         t, values = self._sound("add_odometer", time, pulses if counts else speed)
         if counts:
-            self._odometer.pulse = per_pulse or 0.0
-            self._odometer.add_pulses(t, values, FASTEST)
+            self._heard.odometer.pulse = per_pulse or 0.0
+            self._heard.odometer.add_pulses(t, values, FASTEST)
         else:
-            self._odometer.add_speed(t, values)
+            self._heard.odometer.add_speed(t, values)
 
     def add_sides(self, time: ArrayLike, left: ArrayLike, right: ArrayLike) -> None:
         """Speeds of both sides (n,) m/s, for the turn they tell; their mean is no odometer yet."""
@@ -127,7 +126,7 @@ class Smoother:
         turns = self.vehicle.kind == "tracked" and len(t) > 0
         if turns and layout is not None and "track_width" not in layout.slices:
             raise InputError("add_sides: give both sides from the start, before the alignment")
-        self._sides.add(t, *both)
+        self._heard.sides.add(t, *both)
 
     def add_gnss(
         self,
@@ -151,7 +150,7 @@ class Smoother:
     @property
     def increments(self) -> Increments:
         """All increments so far."""
-        return self._inertial.between(0, len(self._inertial))
+        return self._heard.inertial.between(0, len(self._heard.inertial))
 
     def estimate(self) -> Known | None:
         """The newest node, or None before the alignment."""
@@ -162,11 +161,11 @@ class Smoother:
 
         Raises InputError when the heading never became known.
         """
-        if len(self._inertial):
-            self._advance(len(self._inertial), perf_counter(), last=True)
+        if len(self._heard.inertial):
+            self._advance(len(self._heard.inertial), perf_counter(), last=True)
         if self.graph is None:
             raise self._beginning.why or InputError("no inertial samples, or too few to align")
-        edge = self._inertial.edge.rows
+        edge = self._heard.inertial.edge.rows
         if edge[-1] - self.graph.log.time.rows[-1] > room_of(self._interval):
             self._nodes([len(edge) - 1], perf_counter())
         if self._lag is None:
@@ -190,15 +189,14 @@ class Smoother:
 
     def _judgeable(self) -> int:
         """Increments whose look-ahead is complete."""
-        if not len(self._inertial):
+        if not len(self._heard.inertial):
             return 0
-        edge = self._inertial.edge.rows
+        edge = self._heard.inertial.edge.rows
         return max(int(np.searchsorted(edge, edge[-1] - LOOK_AHEAD_S + 1e-9)) - 1, 0)
 
     def _advance(self, ready: int, due: float, last: bool = False) -> None:
         """Align when that is possible, then every node that is due (since `due`)."""
-        heard = self._odometer if len(self._odometer) else None
-        self._rest.advance(self._inertial, heard, ready)
+        self._heard.rest.advance(self._heard.inertial, self._heard.odometer, ready)
         if self.graph is None:
             self._begin(ready, last)
         if self.graph is None:
@@ -215,7 +213,7 @@ class Smoother:
 
         A node at standstill stands alone: what its rest shows counts from then on.
         """
-        edge, still, graph = self._inertial.edge.rows, self._rest.still.rows, self.graph
+        edge, still, graph = self._heard.inertial.edge.rows, self._heard.rest.still.rows, self.graph
         assert graph is not None
         places, start = list[int](), float(edge[0])
         last, count = int(graph.log.edge.rows[-1]), graph.last
@@ -230,19 +228,16 @@ class Smoother:
 
     def _begin(self, ready: int, last: bool) -> None:
         """Start the graph when the alignment is done."""
-        prep = self._beginning.attempt(ready, self._odometer, self._sides, last)
+        prep = self._beginning.attempt(ready, last)
         if prep is not None:
             self._aligned = prep.run.end
-            prep = replace(prep, interval=self._interval)
-            back = self._states.every_s
-            sensors = Sensors(self._inertial, self._rest.still, self._odometer, self._sides)
-            self.graph = Growing(NodeLog(prep, sensors), self._lag, back)
+            self.graph = Growing(NodeLog(prep, self._heard), self._lag, self._states.every_s)
 
     def _nodes(self, edges: list[int], due: float) -> None:
         """More nodes, and what is known with each."""
         graph = self.graph
         assert graph is not None
-        times = self._inertial.edge.rows[edges]
+        times = self._heard.inertial.edge.rows[edges]
         self._rocked(edges[0])
         aids = [self._aiding.near(t, graph.origin) for t in times.tolist()]
         window = graph.window()
@@ -275,13 +270,13 @@ class Smoother:
 
     def _rocked(self, edge: int) -> None:
         """How far the vehicle rocks at standstill, of the rests until this edge."""
-        still, graph = self._rest.still.rows, self.graph
+        still, graph = self._heard.rest.still.rows, self.graph
         assert graph is not None
         if edge == 0 or not still[edge - 1]:
             return
         moving = np.flatnonzero(still[:edge] == 0)
         first = int(moving[-1]) + 1 if len(moving) else 0
-        inc = self._inertial.between(first, edge)
+        inc = self._heard.inertial.between(first, edge)
         self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]], graph.log.prep.noise.gyro)
         usual = np.median(list(self._rocking.values()), axis=0)
         graph.log.prep = replace(graph.log.prep, rocking=usual)

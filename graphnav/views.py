@@ -23,8 +23,7 @@ class Views:
 
     def __init__(self, kinds: Sequence[str]) -> None:
         """`kinds`: recording, report."""
-        self._makers = {kind: Aside(f"{__name__}:{kind}", IMPORTS[kind]) for kind in kinds}
-        self._stack = ExitStack()
+        self._kinds, self._makers, self._stack = kinds, dict[str, Aside](), ExitStack()
 
     def make(self, directory: Path, told: Stages) -> None:
         """Make all views of a directory, side by side; SolutionError says what kept one."""
@@ -36,8 +35,9 @@ class Views:
             told.beside(maker.peak_memory_mb)
 
     def __enter__(self) -> Self:
-        for maker in self._makers.values():
-            self._stack.enter_context(maker)
+        for kind in self._kinds:
+            maker = Aside(f"{__name__}:{kind}", IMPORTS[kind])
+            self._makers[kind] = self._stack.enter_context(maker)
         return self
 
     def __exit__(self, *_: object) -> None:
