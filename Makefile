@@ -30,10 +30,11 @@ demo: $(STAMP) ## simulate a tracked vehicle and smooth it
 test: $(STAMP) ## all tests
 	$(BIN)/python -m pytest
 
-lint: $(STAMP) ## style, imports, types
+lint: $(STAMP) ## style, types, import contracts
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	$(BIN)/lint-imports
 
 format: $(STAMP) ## let ruff do it
 	$(BIN)/ruff check --fix .

@@ -10,7 +10,7 @@ then in the name (`heading_deg`).
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from graphnav.streaming import Smoother
+    from graphnav.stream.smoother import Smoother
 
 __version__ = "0.1.0"
 __all__ = ["Smoother", "__version__"]
@@ -19,7 +19,7 @@ __all__ = ["Smoother", "__version__"]
 def __getattr__(name: str) -> Any:
     """`graphnav.Smoother` on first use: importing graphnav stays fast."""
     if name == "Smoother":
-        from graphnav.streaming import Smoother
+        from graphnav.stream.smoother import Smoother
 
         return Smoother
     raise AttributeError(f"module 'graphnav' has no attribute '{name}'")

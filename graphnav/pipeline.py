@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from graphnav import tables, trajectory
-from graphnav.check import check
-from graphnav.errors import InputError
-from graphnav.outages import Outages
-from graphnav.outages import told as outages_told
-from graphnav.progress import Stages
-from graphnav.read import read_run
-from graphnav.run import Run
-from graphnav.solved import Calibrated, Solved
-from graphnav.vehicle import Vehicle
-from graphnav.vehicle_file import load_vehicle
-from graphnav.views import Views
-from graphnav.writing import whole_directory
+from graphnav.common.errors import InputError
+from graphnav.common.progress import Stages
+from graphnav.common.run import Run
+from graphnav.reading.check import check
+from graphnav.reading.outages import Outages
+from graphnav.reading.outages import told as outages_told
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle import Vehicle
+from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.result import tables, trajectory
+from graphnav.result.solved import Calibrated, Solved
+from graphnav.result.writing import whole_directory
+from graphnav.views.views import Views
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -86,19 +86,19 @@ def solve(
     if vehicle.kind == "rover" and run.rover is not None:
         if mode == "incremental":
             raise InputError(f"{run.path}: rovers are smoothed in batch only: leave out --mode")
-        from graphnav.rover_result import solve_rover
+        from graphnav.rover.result import solve_rover
 
         return solve_rover(run, vehicle, use_gnss=use_gnss, outages=outages, told=told)
-    from graphnav.finish import finish
-    from graphnav.preparation import prepare
-    from graphnav.smoother import smooth as smooth_prepared
+    from graphnav.batch.finish import finish
+    from graphnav.batch.smoother import smooth as smooth_prepared
+    from graphnav.graph.preparation import prepare
 
     told("preparing")
     prep = prepare(
         run, vehicle, use_gnss=use_gnss, outages=outages, rate_hz=rate_hz, interval=1 / nodes_hz
     )
     if mode == "incremental":
-        from graphnav import incremental
+        from graphnav.stream import replay as incremental
 
         replay = incremental.smooth(prep, lag, told)
         told.beside(replay.peak_memory_mb, since="dead reckoning")
@@ -146,7 +146,7 @@ def write(
             frame.to_parquet(directory / f"{name}.parquet", index=False)
     comparison = None
     if reference is not None:
-        from graphnav.compare import compare
+        from graphnav.result.compare import compare
 
         told("comparing")
         comparison = compare(pd.DataFrame(comparable), reference).as_dict()
@@ -254,6 +254,6 @@ def _write_json(path: Path, content: dict[str, Any]) -> None:
 def _truth(path: Path | None) -> "DataFrame | None":
     if path is None:
         return None
-    from graphnav.truth import read_truth
+    from graphnav.reading.truth import read_truth
 
     return read_truth(path)

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from graphnav.earth import Origin
+from graphnav.common.earth import Origin
 
 CLOCK_START = 1200.0
 TURNS = (

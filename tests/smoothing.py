@@ -7,8 +7,8 @@ from typing import Any, TypeAlias
 
 import pandas as pd
 
-from graphnav import cli
-from graphnav.command import report_failures
+from graphnav.cli import cli
+from graphnav.cli.command import report_failures
 
 QUICK = ("--no-rrd", "--no-report")
 Table: TypeAlias = pd.DataFrame

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 from factors import so3
-from graphnav.alignment import Alignment, align
-from graphnav.angles import angles_of_rotation, rotation_of_angles
-from graphnav.earth import Origin
-from graphnav.errors import InputError
-from graphnav.increments import increments
-from graphnav.run import Array, ExternalHeading, Gnss, Imu, Odometer, Run
-from graphnav.vehicle import Body, GnssSpec, ImuSpec, Start, Vehicle
+from graphnav.common.angles import angles_of_rotation, rotation_of_angles
+from graphnav.common.earth import Origin
+from graphnav.common.errors import InputError
+from graphnav.common.run import Array, ExternalHeading, Gnss, Imu, Odometer, Run
+from graphnav.inertial.alignment import Alignment, align
+from graphnav.inertial.increments import increments
+from graphnav.reading.vehicle import Body, GnssSpec, ImuSpec, Start, Vehicle
 
 ORIGIN = Origin(np.deg2rad(45.0), np.deg2rad(10.0), 100.0)
 STATED = Start(lat=45.0, lon=10.0, height=100.0, heading_deg=77.0, heading_sd_deg=0.5)

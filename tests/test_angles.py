@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from graphnav.angles import angles_of_rotation, rotation_of_angles
+from graphnav.common.angles import angles_of_rotation, rotation_of_angles
 
 FORWARD, RIGHT, UP = np.array([0, 1.0, 0]), np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 from runs import VEHICLE, driven, saved, shared
 
-from graphnav.axes import axes_matrix
-from graphnav.check import check
-from graphnav.errors import InputError
-from graphnav.read import read_run
-from graphnav.run import Run
-from graphnav.vehicle import Vehicle
-from graphnav.vehicle_file import load_vehicle, parse_vehicle
+from graphnav.common.errors import InputError
+from graphnav.common.run import Run
+from graphnav.reading.axes import axes_matrix
+from graphnav.reading.check import check
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle import Vehicle
+from graphnav.reading.vehicle_file import load_vehicle, parse_vehicle
 
 NAMES = ["kingston2008", "comma2k19", "husky", "sim_tracked", "sim_rlg", "sim_mimu"]
 WITHOUT_START = VEHICLE[: VEHICLE.index("[start]")]

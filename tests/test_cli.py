@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 from runs import VEHICLE, driven, saved, shared
 
-from graphnav import cli
-from graphnav.command import report_failures
-from graphnav.errors import InputError, SolutionError
+from graphnav.cli import cli
+from graphnav.cli.command import report_failures
+from graphnav.common.errors import InputError, SolutionError
 
 ROOT = Path(__file__).parents[1]
 
@@ -42,7 +42,7 @@ def test_help_teaches(capsys: pytest.CaptureFixture[str], command: str) -> None:
 
 def test_help_is_fast_because_nothing_heavy_is_imported() -> None:
     code = (
-        "import sys; from graphnav import cli, command;"
+        "import sys; from graphnav.cli import cli, command;"
         "command.report_failures(cli.cli, ['--help']);"
         "heavy = {'numpy', 'pandas', 'gtsam', 'rerun', 'pydantic', 'rich', 'scipy', 'pyarrow'};"
         "sys.exit(', '.join(heavy & set(sys.modules)) or 0)"
@@ -120,7 +120,7 @@ def test_every_failure_is_one_line(
         raise error
 
     monkeypatch.delenv("GRAPHNAV_DEBUG", raising=False)
-    monkeypatch.setattr("graphnav.show.open_viewer", fails)
+    monkeypatch.setattr("graphnav.views.show.open_viewer", fails)
     got, out, err = run(capsys, "show", "x")
     assert (got, out, err.count("\n")) == (status, "", 1)
     assert part in err
@@ -133,7 +133,7 @@ def test_debugging_shows_the_traceback(
         raise ZeroDivisionError
 
     monkeypatch.setenv("GRAPHNAV_DEBUG", "1")
-    monkeypatch.setattr("graphnav.show.open_viewer", fails)
+    monkeypatch.setattr("graphnav.views.show.open_viewer", fails)
     with pytest.raises(ZeroDivisionError):
         run(capsys, "show", "x")
 

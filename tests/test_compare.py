@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from graphnav.compare import compare
-from graphnav.earth import Origin
-from graphnav.errors import InputError
-from graphnav.truth import read_trajectory, read_truth
+from graphnav.common.earth import Origin
+from graphnav.common.errors import InputError
+from graphnav.reading.truth import read_trajectory, read_truth
+from graphnav.result.compare import compare
 
 ORIGIN = Origin(np.deg2rad(45.0), np.deg2rad(10.0), 100.0)
 

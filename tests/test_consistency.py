@@ -13,15 +13,15 @@ import pandas as pd
 import pytest
 from scipy.stats import chi2
 
-from graphnav import trajectory
+from graphnav.common.progress import Stages
+from graphnav.common.run import Array
 from graphnav.pipeline import solve
-from graphnav.progress import Stages
-from graphnav.read import read_run
-from graphnav.run import Array
+from graphnav.reading.read import read_run
+from graphnav.reading.truth import read_truth
+from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.result import trajectory
+from graphnav.result.solved import Solved
 from graphnav.simulation import simulate
-from graphnav.solved import Solved
-from graphnav.truth import read_truth
-from graphnav.vehicle_file import load_vehicle
 
 SEEDS = range(41, 47)
 MOST_PESSIMISTIC = 3.0  # deviation over error

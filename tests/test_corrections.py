@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from graphnav.corrections import VehicleParams, correction_table
+from graphnav.recognition.corrections import VehicleParams, correction_table
 
 VEHICLE = VehicleParams("tracked", 2.8, 3.84, 1.42)
 TABLE = correction_table(VEHICLE)

@@ -5,11 +5,11 @@ import pytest
 
 from factors import so3
 from factors.preintegration import Increments, InertialNoise, Preintegrated, preintegrate
-from graphnav.densify import Path, densify
-from graphnav.earth import Origin
-from graphnav.estimate import Estimate
-from graphnav.nodes import Nodes, place_nodes
-from graphnav.reckoning import inertial_path
+from graphnav.common.earth import Origin
+from graphnav.graph.densify import Path, densify
+from graphnav.graph.estimate import Estimate
+from graphnav.graph.nodes import Nodes, place_nodes
+from graphnav.inertial.reckoning import inertial_path
 
 ORIGIN = Origin(0.7, 2.0, 60.0)
 NONE = np.zeros(0)

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from graphnav.cli import cli
-from graphnav.vehicle import GRADES, Vehicle
+from graphnav.cli.cli import cli
+from graphnav.reading.vehicle import GRADES, Vehicle
 
 ROOT = Path(__file__).parents[1]
 VEHICLE = (ROOT / "docs" / "vehicle.md").read_text(encoding="utf-8")

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from pyins import earth as pyins_earth
 from pyins import transform
 
-from graphnav import earth
-from graphnav.earth import Origin
+from graphnav.common import earth
+from graphnav.common.earth import Origin
 
 latitudes = st.floats(-1.57, 1.57)
 longitudes = st.floats(-np.pi, np.pi)

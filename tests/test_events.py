@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from graphnav.events import Event, events
-from graphnav.run import Array
+from graphnav.common.run import Array
+from graphnav.result.events import Event, events
 
 END = np.arange(1.0, 101.0)
 DURATION = np.ones(100)

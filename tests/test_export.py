@@ -12,10 +12,12 @@ import result_maker
 from hypothesis import given
 from hypothesis import strategies as st
 
-from graphnav import export, palette, results
-from graphnav.errors import InputError
+from graphnav import export
+from graphnav.common.errors import InputError
 from graphnav.export.nmea import each_second
 from graphnav.export.tables import SBET_FIELDS
+from graphnav.result import palette
+from graphnav.result import result_directory as results
 
 LEVER_B = (0.3, -1.0, 0.8)
 
@@ -180,7 +182,7 @@ def test_an_unknown_format_names_the_nearest(loaded: results.Results, tmp_path: 
 
 
 def test_heavy_libraries_are_imported_only_where_used() -> None:
-    code = "import sys, graphnav.export, graphnav.recording, graphnav.report, graphnav.show;"
+    code = "import sys, graphnav.export, graphnav.views.recording, graphnav.views.report, graphnav.views.show;"
     code += (
         "print([m for m in ('rerun','pandas','matplotlib','fastkml','jinja2') if m in sys.modules])"
     )

@@ -17,7 +17,7 @@ from factors.standstill import StandstillNoise, standstill
 from factors.start import Start, start
 from factors.track_width import track_width
 from factors.velocity import velocity
-from graphnav.estimate import Estimate
+from graphnav.graph.estimate import Estimate
 
 COLUMNS = Columns(scale=6, mounting=7, lever=9, delay=12, cornering=15)
 DIM = 16  # biases, scale, mounting, lever, delay, one ground factor,
@@ -144,8 +144,8 @@ def test_displacement_jacobian(seed: int) -> None:
 
 def test_displacement_follows_gyro_bias_and_delay() -> None:
     """The two terms that are sums over increments: against sums made anew."""
-    from graphnav.odometry import odometer_steps, odometer_sums
-    from graphnav.run import Odometer
+    from graphnav.common.run import Odometer
+    from graphnav.inertial.odometry import odometer_steps, odometer_sums
 
     rng = np.random.default_rng(3)
     inc = make_increments(rng, 0.01)  # the bias term is first order in the turn of an interval

@@ -11,17 +11,20 @@ import pandas as pd
 import pytest
 
 from factors import so3
-from graphnav import Smoother, growing, incremental, isam
-from graphnav.cli import main
-from graphnav.errors import InputError
-from graphnav.increments import increments
-from graphnav.intake import Distance, Inertial, next_node
-from graphnav.preparation import Prepared, prepare
-from graphnav.read import read_run
-from graphnav.run import Array
+from graphnav import Smoother
+from graphnav.batch.smoother import smooth
+from graphnav.cli.cli import main
+from graphnav.common.errors import InputError
+from graphnav.common.run import Array
+from graphnav.graph.preparation import Prepared, prepare
+from graphnav.inertial.increments import increments
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.simulation import simulate
-from graphnav.smoother import smooth
-from graphnav.vehicle_file import load_vehicle
+from graphnav.stream import incremental_graph as growing
+from graphnav.stream import isam
+from graphnav.stream import replay as incremental
+from graphnav.stream.intake import Distance, Inertial, next_node
 
 SECONDS = 240.0  # of which the first 90 or so at rest
 

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from factors import so3
-from graphnav import increments as module
-from graphnav.increments import increments
-from graphnav.run import Array, Imu
+from graphnav.common.run import Array, Imu
+from graphnav.inertial import increments as module
+from graphnav.inertial.increments import increments
 
 
 def motion(t: Array, hz: float) -> tuple[Array, Array]:

@@ -15,11 +15,11 @@ from pyins import sim
 
 from factors import so3
 from factors.preintegration import InertialNoise, Preintegrated, preintegrate
-from graphnav.angles import rotation_of_angles
-from graphnav.earth import Origin, enu_axes
-from graphnav.increments import increments
-from graphnav.reckoning import inertial_path
-from graphnav.run import Array, Imu
+from graphnav.common.angles import rotation_of_angles
+from graphnav.common.earth import Origin, enu_axes
+from graphnav.common.run import Array, Imu
+from graphnav.inertial.increments import increments
+from graphnav.inertial.reckoning import inertial_path
 
 RATE_HZ = 100
 EVERY = 20  # increments (of 50 ms) between nodes

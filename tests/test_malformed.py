@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from runs import PULSES, VEHICLE, driven, fixes, saved
 
-from graphnav.errors import InputError
-from graphnav.read import read_run
-from graphnav.run import Run
-from graphnav.vehicle_file import load_vehicle
+from graphnav.common.errors import InputError
+from graphnav.common.run import Run
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle_file import load_vehicle
 
 
 def read(path: Path) -> Run:

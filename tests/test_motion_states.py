@@ -9,11 +9,11 @@ import pandas as pd
 import pytest
 from scipy.ndimage import gaussian_filter1d
 
-from graphnav.corrections import VehicleParams, correction_table
-from graphnav.errors import SolutionError
-from graphnav.motion_states import Kinematics, recognise
-from graphnav.run import Array
-from graphnav.timeline import Timeline, disagreement
+from graphnav.common.errors import SolutionError
+from graphnav.common.run import Array
+from graphnav.recognition.corrections import VehicleParams, correction_table
+from graphnav.recognition.motion_states import Kinematics, recognise
+from graphnav.recognition.timeline import Timeline, disagreement
 
 TRACKED = VehicleParams("tracked")
 SIM_TRACKED = Path(__file__).parents[2] / "shared" / "data" / "sim_tracked"

@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from graphnav.nodes import CLOSEST_S, nearest_node, place_nodes
-from graphnav.run import Array
+from graphnav.common.run import Array
+from graphnav.graph.nodes import CLOSEST_S, nearest_node, place_nodes
 
 EDGES = np.arange(2001) * 0.05  # 100 s at 20 Hz
 NONE = np.zeros(0)

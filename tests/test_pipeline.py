@@ -8,12 +8,12 @@ import pandas as pd
 import pytest
 from smoothing import QUICK, changed, command, smoothed, summary, trajectory
 
-from graphnav.earth import Origin
-from graphnav.preparation import prepare
-from graphnav.read import read_run
+from graphnav.batch.smoother import smooth
+from graphnav.common.earth import Origin
+from graphnav.graph.preparation import prepare
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.simulation import simulate
-from graphnav.smoother import smooth
-from graphnav.vehicle_file import load_vehicle
 
 PROMISED = (
     "time lat lon height e n u v_e v_n v_u v_x v_y v_z roll_deg pitch_deg heading_deg "

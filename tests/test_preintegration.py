@@ -13,8 +13,8 @@ from factors.preintegration import (
     since_node,
 )
 from factors.so3 import Array
-from graphnav.increments import increments
-from graphnav.run import Imu
+from graphnav.common.run import Imu
+from graphnav.inertial.increments import increments
 
 NODES = np.array([0, 20, 23, 60, 100])
 NOISE = InertialNoise(gyro=2e-4, accel=3e-3)

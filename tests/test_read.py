@@ -7,10 +7,10 @@ import pandas as pd
 import pytest
 from runs import PULSES, VEHICLE, driven, fixes, saved, shared
 
-from graphnav.axes import axes_matrix
-from graphnav.read import read_run
-from graphnav.run import Run
-from graphnav.vehicle_file import load_vehicle
+from graphnav.common.run import Run
+from graphnav.reading.axes import axes_matrix
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle_file import load_vehicle
 
 GYRO, ACCEL = ["gyro_x", "gyro_y", "gyro_z"], ["accel_x", "accel_y", "accel_z"]
 

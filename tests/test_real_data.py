@@ -10,8 +10,8 @@ import pytest
 from runs import shared
 from smoothing import QUICK, command, summary, trajectory
 
-from graphnav.earth import Origin
-from graphnav.truth import read_truth
+from graphnav.common.earth import Origin
+from graphnav.reading.truth import read_truth
 
 
 def smoothed(name: str, out: Path, *args: object) -> Path:

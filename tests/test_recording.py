@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 import result_maker
 
-from graphnav import palette, recording, results
-from graphnav.recording import paths, scalars
-from graphnav.recording.entry import SERIES_LIMIT
-from graphnav.recording.map import zoom
+from graphnav.result import palette
+from graphnav.result import result_directory as results
+from graphnav.views import recording
+from graphnav.views.recording import paths, scalars
+from graphnav.views.recording.entry import SERIES_LIMIT
+from graphnav.views.recording.map import zoom
 
 pytest.importorskip("rerun")
 from rerun.chunk import RrdReader
@@ -210,7 +212,7 @@ def test_only_the_required_files(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", result_maker.REQUIRED)
 def test_a_missing_required_file_is_one_line(tmp_path: Path, name: str) -> None:
-    from graphnav.errors import InputError
+    from graphnav.common.errors import InputError
 
     directory = result_maker.write(tmp_path / "r", duration=20.0)
     (directory / name).unlink()
@@ -222,7 +224,7 @@ def test_a_missing_required_file_is_one_line(tmp_path: Path, name: str) -> None:
 def test_a_column_short_is_named(tmp_path: Path) -> None:
     import pandas as pd
 
-    from graphnav.errors import InputError
+    from graphnav.common.errors import InputError
 
     directory = result_maker.write(tmp_path / "r", duration=20.0)
     table = pd.read_parquet(directory / "trajectory.parquet").drop(columns="sd_n")
@@ -234,7 +236,7 @@ def test_a_column_short_is_named(tmp_path: Path) -> None:
 def test_rerun_off_is_said(
     loaded: results.Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from graphnav.errors import SolutionError
+    from graphnav.common.errors import SolutionError
 
     monkeypatch.setenv("RERUN", "off")
     with pytest.raises(SolutionError, match="RERUN"):

@@ -10,8 +10,10 @@ from pathlib import Path
 import pytest
 import result_maker
 
-from graphnav import palette, report, results, show
-from graphnav.report import svg, tables
+from graphnav.result import palette
+from graphnav.result import result_directory as results
+from graphnav.views import report, show
+from graphnav.views.report import svg, tables
 
 VOID = {"meta", "link", "br", "img", "input", "hr"}
 
@@ -196,7 +198,7 @@ def test_show_starts_the_viewer_of_the_sdk(
     pytest.importorskip("rerun")
     started: list[list[str]] = []
     monkeypatch.setenv("DISPLAY", ":0")
-    monkeypatch.setattr("graphnav.show.subprocess.Popen", lambda c, **_: started.append(c))
+    monkeypatch.setattr("graphnav.views.show.subprocess.Popen", lambda c, **_: started.append(c))
     show.open_viewer(directory)
     (command,) = started
     assert Path(command[0]).exists() and command[1] == str(directory / "run.rrd")

@@ -7,16 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from graphnav.angles import angles_of_rotation
-from graphnav.errors import InputError
-from graphnav.read import read_run
-from graphnav.rover_result import solve_rover
-from graphnav.run import Run
+from graphnav.common.angles import angles_of_rotation
+from graphnav.common.errors import InputError
+from graphnav.common.run import Run
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle import Vehicle
+from graphnav.reading.vehicle_file import parse_vehicle
+from graphnav.result.solved import Solved
+from graphnav.rover.result import solve_rover
 from graphnav.simulation import rover as simulator
 from graphnav.simulation.rover_sensors import Conditions
-from graphnav.solved import Solved
-from graphnav.vehicle import Vehicle
-from graphnav.vehicle_file import parse_vehicle
 from tools.rover_baseline import paper_track
 
 

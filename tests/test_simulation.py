@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from scipy.spatial.transform import Rotation
 
-from graphnav.errors import InputError
+from graphnav.common.errors import InputError
 from graphnav.simulation import DRIVES, GRADES, Options, Truth, simulate, simulate_truth
 from graphnav.simulation.drive import INTERNAL_HZ, Driven, stream
 from graphnav.simulation.grades import DEG_H, MG, disturb

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from factors.preintegration import Increments
-from graphnav.run import Array, Gnss, Odometer
-from graphnav.standstill import Mask, believable, rocking, spans, standing, unmoved
+from graphnav.common.run import Array, Gnss, Odometer
+from graphnav.inertial.standstill import Mask, believable, rocking, spans, standing, unmoved
 
 STEP = 0.05
 REST = (20.0, 30.0)

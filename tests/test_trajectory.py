@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from graphnav.trajectory import _astray
+from graphnav.result.trajectory import _astray
 
 
 def test_a_gap_opens_the_deviations_as_a_tied_random_walk_would() -> None:

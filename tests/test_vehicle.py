@@ -10,11 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from runs import shared
 
-from graphnav import columns, units
-from graphnav.axes import DIRECTIONS, axes_matrix, axes_name
-from graphnav.errors import InputError
-from graphnav.vehicle import GRADES, Body, ImuSpec, Odometer, Start
-from graphnav.vehicle_file import TABLES, load_vehicle, parse_vehicle
+from graphnav.common.errors import InputError
+from graphnav.reading import columns, units
+from graphnav.reading.axes import DIRECTIONS, axes_matrix, axes_name
+from graphnav.reading.vehicle import GRADES, Body, ImuSpec, Odometer, Start
+from graphnav.reading.vehicle_file import TABLES, load_vehicle, parse_vehicle
 
 WHEELED = {"vehicle": {"kind": "wheeled"}}
 

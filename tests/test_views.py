@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 import result_maker
 
-from graphnav.errors import InputError
-from graphnav.progress import Stages
-from graphnav.views import IMPORTS, Views
+from graphnav.common.errors import InputError
+from graphnav.common.progress import Stages
+from graphnav.views.views import IMPORTS, Views
 
 
 @pytest.fixture

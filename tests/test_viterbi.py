@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from graphnav.run import Array
-from graphnav.viterbi import Chain, most_probable, posterior
+from graphnav.common.run import Array
+from graphnav.recognition.viterbi import Chain, most_probable, posterior
 
 STEPS, STATES = 6, 3
 

@@ -11,7 +11,7 @@ from factors import terrain_slip as ts
 from factors import wheel_velocity as wv
 from factors.block import Block
 from factors.calibration import Component, Layout
-from graphnav.estimate import Estimate
+from graphnav.graph.estimate import Estimate
 
 SEEDS = pytest.mark.parametrize("seed", range(3))
 NAMES = ("accel_bias", "toe", "slip_coefficient", "side_slip", "yaw_slip")

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from graphnav.errors import InputError
-from graphnav.progress import Stages
-from graphnav.writing import MARKER, check_replaceable, default_out, whole_directory
+from graphnav.common.errors import InputError
+from graphnav.common.progress import Stages
+from graphnav.result.writing import MARKER, check_replaceable, default_out, whole_directory
 
 
 def write(out: Path, name: str = "summary.json", text: str = "{}") -> None:
@@ -104,7 +104,7 @@ def test_links_are_followed_not_replaced(tmp_path: Path) -> None:
 KILLED = """
 import sys, time
 from pathlib import Path
-from graphnav.writing import whole_directory
+from graphnav.result.writing import whole_directory
 with whole_directory(Path(sys.argv[1])) as part:
     (part / "summary.json").write_text("{}")
     print("ready", flush=True)

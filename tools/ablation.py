@@ -20,25 +20,25 @@ from rich.box import MARKDOWN
 from rich.console import Console
 from rich.table import Table
 
-from graphnav import trajectory
-from graphnav.compare import compare
-from graphnav.corrections import Correction, correction_table
-from graphnav.densify import Path as Motion
-from graphnav.densify import densify
-from graphnav.earth import Origin
-from graphnav.elimination import covariances
-from graphnav.errors import GraphnavError, InputError
-from graphnav.estimate import Estimate
-from graphnav.finish import finish
-from graphnav.preparation import Prepared, params, prepare
-from graphnav.problem import build
-from graphnav.read import read_run
-from graphnav.run import Run
-from graphnav.smoother import Smoothed, smooth
-from graphnav.solve import gauss_newton
-from graphnav.truth import read_truth
-from graphnav.vehicle import Vehicle
-from graphnav.vehicle_file import load_vehicle
+from graphnav.batch.finish import finish
+from graphnav.batch.smoother import Smoothed, smooth
+from graphnav.common.earth import Origin
+from graphnav.common.errors import GraphnavError, InputError
+from graphnav.common.run import Run
+from graphnav.graph.densify import Path as Motion
+from graphnav.graph.densify import densify
+from graphnav.graph.elimination import covariances
+from graphnav.graph.estimate import Estimate
+from graphnav.graph.preparation import Prepared, params, prepare
+from graphnav.graph.problem import build
+from graphnav.graph.solve import gauss_newton
+from graphnav.reading.read import read_run
+from graphnav.reading.truth import read_truth
+from graphnav.reading.vehicle import Vehicle
+from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.recognition.corrections import Correction, correction_table
+from graphnav.result import trajectory
+from graphnav.result.compare import compare
 
 Corrections = dict[str, Correction]
 FIGURES = {

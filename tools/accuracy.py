@@ -23,17 +23,17 @@ from rich.console import Console
 from rich.table import Table
 from scipy.stats import chi2
 
-from graphnav import trajectory
-from graphnav.compare import compare
-from graphnav.errors import GraphnavError
+from graphnav.common.errors import GraphnavError
+from graphnav.common.progress import Stages
+from graphnav.common.run import Array
 from graphnav.pipeline import solve
-from graphnav.progress import Stages
-from graphnav.read import read_run
-from graphnav.run import Array
+from graphnav.reading.read import read_run
+from graphnav.reading.truth import read_truth
+from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.result import trajectory
+from graphnav.result.compare import compare
+from graphnav.result.solved import Calibrated, Solved
 from graphnav.simulation import simulate
-from graphnav.solved import Calibrated, Solved
-from graphnav.truth import read_truth
-from graphnav.vehicle_file import load_vehicle
 
 CACHE = Path.home() / ".cache" / "graphnav"
 SETTLED_S = 300.0  # wandering calibrations are judged after it

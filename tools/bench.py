@@ -117,8 +117,8 @@ def child(mode: str, nodes_hz: str, run: str, out: str) -> None:
     """What the fresh process does; one line of JSON to stdout."""
     before = workload()
     began = time.perf_counter()
+    from graphnav.common.progress import Stages
     from graphnav.pipeline import smooth
-    from graphnav.progress import Stages
 
     imported = time.perf_counter()
     quiet = Stages(show=False)

@@ -21,19 +21,19 @@ from rich.box import MARKDOWN
 from rich.console import Console
 from rich.table import Table
 
-from graphnav import trajectory
-from graphnav.angles import angles_of_rotation
-from graphnav.compare import compare
-from graphnav.earth import Origin
-from graphnav.errors import GraphnavError, InputError
-from graphnav.finish import finish
-from graphnav.odometry import speed_at
-from graphnav.preparation import Prepared, prepare
-from graphnav.read import read_run
-from graphnav.run import Array
-from graphnav.smoother import smooth
-from graphnav.truth import read_truth
-from graphnav.vehicle_file import load_vehicle
+from graphnav.batch.finish import finish
+from graphnav.batch.smoother import smooth
+from graphnav.common.angles import angles_of_rotation
+from graphnav.common.earth import Origin
+from graphnav.common.errors import GraphnavError, InputError
+from graphnav.common.run import Array
+from graphnav.graph.preparation import Prepared, prepare
+from graphnav.inertial.odometry import speed_at
+from graphnav.reading.read import read_run
+from graphnav.reading.truth import read_truth
+from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.result import trajectory
+from graphnav.result.compare import compare
 
 FRD = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])  # of right-forward-up; its own inverse
 VELOCITY_SD, GNSS_FLOOR = 0.3, 5.0  # m/s, m: what suits pyins on recorded runs

@@ -14,15 +14,15 @@ from pathlib import Path
 
 import numpy as np
 
-from graphnav import tables
-from graphnav.finish import finish
-from graphnav.preparation import Prepared, prepare
-from graphnav.read import read_run
-from graphnav.run import Array
-from graphnav.smoother import FINAL, FIRST, Weights, smooth
-from graphnav.solved import Solved
-from graphnav.truth import read_truth
-from graphnav.vehicle_file import load_vehicle
+from graphnav.batch.finish import finish
+from graphnav.batch.smoother import FINAL, FIRST, Weights, smooth
+from graphnav.common.run import Array
+from graphnav.graph.preparation import Prepared, prepare
+from graphnav.reading.read import read_run
+from graphnav.reading.truth import read_truth
+from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.result import tables
+from graphnav.result.solved import Solved
 
 AROUND_S = 1.0  # an episode's ramps
 PLAIN: tuple[Weights, Weights] = ({}, {})

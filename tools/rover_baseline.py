@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factors import rocker_bogie as rb
-from graphnav.angles import rotation_of_angles
-from graphnav.run import ExternalHeading, RoverGear, Run
+from graphnav.common.angles import rotation_of_angles
+from graphnav.common.run import ExternalHeading, RoverGear, Run
 
 Array = NDArray[np.float64]
 

@@ -12,14 +12,14 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from graphnav.angles import angles_of_rotation
-from graphnav.read import read_run
-from graphnav.rover_result import solve_rover
-from graphnav.run import Run
+from graphnav.common.angles import angles_of_rotation
+from graphnav.common.run import Run
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle import Vehicle
+from graphnav.reading.vehicle_file import parse_vehicle
+from graphnav.rover.result import solve_rover
 from graphnav.simulation import rover
 from graphnav.simulation.rover_sensors import Conditions
-from graphnav.vehicle import Vehicle
-from graphnav.vehicle_file import parse_vehicle
 from tools.rover_baseline import paper_track
 
 Array = NDArray[np.float64]

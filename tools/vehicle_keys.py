@@ -1,4 +1,4 @@
-"""docs/vehicle.md's tables from the fields of `graphnav.vehicle`: `python tools/vehicle_keys.py`.
+"""docs/vehicle.md's tables from the fields of `reading.vehicle`: `python tools/vehicle_keys.py`.
 
 Everything under the line `<!-- keys -->` is replaced; tests/test_docs.py fails when it is stale.
 """
@@ -6,7 +6,7 @@ Everything under the line `<!-- keys -->` is replaced; tests/test_docs.py fails 
 from pathlib import Path
 from typing import Any
 
-from graphnav.vehicle import Section, Vehicle
+from graphnav.reading.vehicle import Section, Vehicle
 
 PAGE = Path(__file__).parents[1] / "docs" / "vehicle.md"
 MARK = "<!-- keys -->\n"

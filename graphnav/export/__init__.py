@@ -8,11 +8,11 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-from graphnav.errors import InputError
+from graphnav.common.errors import InputError
 from graphnav.export import maps, tables
 from graphnav.export.nmea import nmea
 from graphnav.export.track import Track, track
-from graphnav.results import Results
+from graphnav.result.result_directory import Results
 
 __all__ = ["FORMATS", "SUFFIX", "Track", "track", "write"]
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from graphnav import palette
 from graphnav.export.track import Track
-from graphnav.results import Results, state_spans, thin
+from graphnav.result import palette
+from graphnav.result.result_directory import Results, state_spans, thin
 
 LINE_LIMIT = 30_000  # vertices in all
 DEGREE_DIGITS = 9  # 0.1 mm

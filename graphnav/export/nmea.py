@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graphnav.export.track import Track
-from graphnav.results import Results
+from graphnav.result.result_directory import Results
 
 ESTIMATED = 6  # GGA quality: dead reckoning, not a satellite fix
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from factors import so3
 from graphnav.export.track import Track
-from graphnav.results import Results
+from graphnav.result.result_directory import Results
 
 SBET_FIELDS = (
     "time", "lat", "lon", "height", "v_north", "v_east", "v_down", "roll", "pitch", "heading",

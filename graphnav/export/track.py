@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factors import so3
-from graphnav.results import Results, columns
+from graphnav.result.result_directory import Results, columns
 
 Array = NDArray[np.float64]
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from graphnav.errors import InputError
+from graphnav.common.errors import InputError
 from graphnav.simulation import files, tracked, wheeled
 from graphnav.simulation.drive import Driven, Options
 from graphnav.simulation.grades import GRADES, Grade

@@ -10,7 +10,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.csv
 
-from graphnav.errors import InputError
+from graphnav.common.errors import InputError
 from graphnav.simulation.recording import Recording
 
 MARK = "truth_calibration.json"  # by its presence a directory is known to be ours

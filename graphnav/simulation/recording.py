@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from graphnav.errors import InputError
+from graphnav.common.errors import InputError
 from graphnav.simulation.drive import INTERNAL_HZ, Driven, Options, Setup, stream
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.gnss import ANTENNA, fixes

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 
 from factors import rocker_bogie as rb
-from graphnav.earth import Origin
+from graphnav.common.earth import Origin
 from graphnav.simulation import rover_ground as ground
 from graphnav.simulation import rover_sensors as sensors
 from graphnav.simulation.grades import DEG_H, DEG_SQRT_H, MG, Grade

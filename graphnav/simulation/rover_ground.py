@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factors import rocker_bogie as rb
-from graphnav.angles import rotation_of_angles
+from graphnav.common.angles import rotation_of_angles
 
 Array = NDArray[np.float64]
 

@@ -9,8 +9,8 @@ from scipy.interpolate import CubicSpline
 
 from factors import rocker_bogie as rb
 from factors import so3
-from graphnav.angles import rotation_of_angles
-from graphnav.earth import Origin
+from graphnav.common.angles import rotation_of_angles
+from graphnav.common.earth import Origin
 from graphnav.simulation import rover_ground as ground
 
 Array = NDArray[np.float64]

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from graphnav.errors import InputError
+from graphnav.common.errors import InputError
 from graphnav.simulation.drive import Driven, Options, Setup, clock, follow, stream
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.ground import Roughness

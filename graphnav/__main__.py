@@ -1,0 +1,5 @@
+"""`python -m graphnav`: the command."""
+
+from graphnav.cli.cli import main
+
+main()

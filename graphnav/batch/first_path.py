@@ -1,0 +1,39 @@
+"""Where the iteration begins: dead reckoning with the calibrations of the vehicle file."""
+
+import numpy as np
+
+from factors import so3
+from factors.displacement import E_Y
+from factors.preintegration import preintegrate
+from graphnav.graph.densify import Path, densify
+from graphnav.graph.estimate import Estimate
+from graphnav.graph.motion import sums_of
+from graphnav.graph.nodes import Nodes
+from graphnav.graph.preparation import Prepared
+from graphnav.inertial import reckoning
+from graphnav.inertial.odometry import speed_at
+
+
+def first_path(prep: Prepared, nodes: Nodes) -> tuple[Estimate, Path]:
+    """Dead-reckoned states at the nodes and the dense path through them.
+
+    Attitude from the gyro; motion from the odometer, without one from the accelerometer held along
+    the vehicle's forward axis.
+    """
+    origin, start = prep.alignment.origin, prep.alignment.start
+    calibration = np.tile(prep.layout.prior, (len(nodes.segment_time), 1))
+    calibration[:, :3] = prep.alignment.gyro_bias
+    pre = preintegrate(prep.inc, nodes.edge, calibration[nodes.segment, :6], prep.noise)
+    R_bm = so3.exp(prep.vehicle.odometer.mount_b)
+    odometer = prep.run.odometer
+    if odometer is None:
+        R, v, p = reckoning.inertial_path(pre, start.R_nb, start.v_n, origin, R_bm)
+    else:
+        R = reckoning.attitudes(pre, start.R_nb, origin.Omega_n)
+        v = (R @ R_bm @ E_Y) * speed_at(odometer, nodes.time)[:, None]
+        blank = Estimate(R, v, v, np.zeros(len(R)), calibration)
+        sums = sums_of(prep, nodes, pre, blank)
+        ones = np.ones(len(pre.T))
+        p = reckoning.odometer_path(R, sums, R_bm, prep.vehicle.odometer.lever_b, ones)
+    estimate = Estimate(R, v, p + start.p_n, np.zeros(len(R)), calibration)
+    return estimate, densify(prep.inc, pre, nodes, estimate, origin)

@@ -1,0 +1,129 @@
+"""Calibrations as they are told: in the field's units, with what the run could not determine."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graphnav.batch.smoother import Smoothed
+from graphnav.common.run import Array
+from graphnav.graph.calibrations import DEG_H, MG
+from graphnav.result.solved import Calibrated
+
+XYZ = ("x", "y", "z")
+DEG = np.deg2rad(1.0)
+CONTRADICTED = 2.5  # sigma of a stated heading
+DOUBTED = 0.5  # weight of a fix
+SURPRISING = 5.0  # sigma of an odometer's scale
+
+
+def calibrated(smoothed: Smoothed) -> list[Calibrated]:
+    """Every calibration of a run with its standard deviation and prior."""
+    prep, nodes = smoothed.prep, smoothed.problem.nodes
+    layout, chain = prep.layout, smoothed.estimate.calibration
+    sd = np.sqrt(np.einsum("kii->ki", smoothed.covariances.calibration))
+    out: list[Calibrated] = []
+
+    def add(name: str, unit: str, parts: tuple[str, ...], columns: list[int], per: float) -> None:
+        walk, prior_sd = layout.walk[columns], layout.prior_sd[columns]
+        constant = bool(np.all(walk <= 1e-5 * prior_sd))
+        rows = slice(-1, None) if constant else slice(None)
+        one = 1.0 if name == "odometer_scale" else 0.0
+        out.append(
+            Calibrated(
+                name=name,
+                unit=unit,
+                components=parts,
+                constant=constant,
+                time=nodes.segment_time[rows],
+                value=one + chain[rows][:, columns] / per,
+                sd=sd[rows][:, columns] / per,
+                prior=one + layout.prior[columns] / per,
+                prior_sd=prior_sd / per,
+            )
+        )
+
+    def of(name: str) -> list[int]:
+        span = layout.slices[name]
+        return list(range(span.start, span.stop))
+
+    add("gyro_bias_deg_h", "deg/h", XYZ, of("gyro_bias"), DEG_H)
+    add("accel_bias_mg", "mg", XYZ, of("accel_bias"), MG)
+    if prep.run.odometer is not None:
+        add("odometer_scale", "1", ("scale",), of("scale"), 1.0)
+    add("mounting_deg", "deg", ("pitch", "heading"), of("mounting"), DEG)
+    add("lever_arm_m", "m", XYZ, of("lever"), 1.0)
+    if "delay" in layout.slices and prep.run.odometer is not None:
+        add("time_offset_s", "s", ("odometer",), of("delay"), 1.0)
+    if "cornering" in layout.slices:
+        add("cornering_slip_s", "s", ("tyres",), of("cornering"), 1.0)
+    if "antenna" in layout.slices:
+        add("antenna_lever_arm_m", "m", XYZ, of("antenna"), 1.0)
+        add("gnss_offset_m", "m", ("east", "north", "up"), of("gnss_offset"), 1.0)
+    if "track_width" in layout.slices:
+        add("effective_track_width_m", "m", ("width",), of("track_width"), 1.0)
+    driven = set(smoothed.problem.state)
+    for prefix, name, unit in (
+        ("forward:", "forward_factor", "1"),
+        ("lateral:", "lateral_offset_m", "m"),
+    ):
+        states = [
+            s for c in layout.slices if c.startswith(prefix) and (s := c[len(prefix) :]) in driven
+        ]
+        if states:
+            add(name, unit, tuple(states), [layout.column(prefix + s) for s in states], 1.0)
+    laterals = [c for c in out if c.name == "lateral_offset_m"]
+    if laterals:
+        add("kappa", "1", laterals[0].components,
+            [layout.column("lateral:" + s) for s in laterals[0].components],
+            prep.vehicle.body.contact_length)  # fmt: skip
+    return out
+
+
+def verdicts(found: list[Calibrated], smoothed: Smoothed) -> list[str]:
+    """What was learnt, what was not and what disagreed, in sentences."""
+    said = _disagreements(smoothed)
+    for c in found:
+        if c.name == "odometer_scale":
+            drift = 1e3 * float(np.ptp(c.value[:, 0]))
+            mean, sd = float(c.value.mean()), float(np.median(c.sd))
+            said.append(f"odometer scale {mean:.4f} +- {sd:.4f}, drifted {drift:.1f} permille")
+            off = abs(mean - c.prior[0]) / c.prior_sd[0]
+            if off > SURPRISING:
+                said.append(
+                    f"that is {off:.0f} of its sigma from nominal: check the odometer's unit, "
+                    "direction and metres_per_pulse"
+                )
+        late = c.name == "time_offset_s" and abs(c.value[0, 0]) > max(0.002, 2 * c.sd[0, 0])
+        if late and c.observable[0]:
+            said.append(
+                f"odometer clock off by {1e3 * c.value[0, 0]:.0f} +- {1e3 * c.sd[0, 0]:.0f} ms"
+            )
+        hidden = [p for p, seen in zip(c.components, c.observable, strict=True) if not seen]
+        if hidden and c.name in ("mounting_deg", "lever_arm_m", "forward_factor", "time_offset_s"):
+            name = c.name.rsplit("_", 1)[0].replace("_", " ")
+            said.append(f"{name} {', '.join(hidden)}: not observable in this run")
+    return said
+
+
+def _disagreements(smoothed: Smoothed) -> list[str]:
+    """A stated heading the run contradicts, and spans in which fixes were doubted."""
+    said = []
+    clock = smoothed.prep.run.clock_start
+    solution, known = smoothed.solution, smoothed.prep.alignment.start
+    for block, weight in zip(solution.blocks, solution.weights, strict=True):
+        if block.kind == "start" and abs(block.residual[0, 2]) > CONTRADICTED:
+            off = abs(np.rad2deg(block.residual[0, 2] * known.sd[2]))
+            said.append(
+                f"the heading {smoothed.prep.alignment.source} disagrees with the run by "
+                f"{off:.2f} deg, {abs(block.residual[0, 2]):.1f} of its sigma"
+            )
+        if block.kind == "gnss":
+            for a, b in _spans(block.time, weight[:, :2].min(1) < DOUBTED):
+                said.append(f"GNSS disagreed {a + clock:.0f}-{b + clock:.0f} s: down-weighted")
+    return said
+
+
+def _spans(time: Array, mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
+    """Times of the first and last of three or more consecutive True."""
+    edge = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
+    pairs = zip(edge[::2], edge[1::2], strict=True)
+    return [(float(time[a]), float(time[b - 1])) for a, b in pairs if b - a >= 3]

@@ -1,0 +1,140 @@
+"""From a prepared run to its estimate: dead reckoning, motion states and graph, in rounds."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from graphnav.batch.first_path import first_path
+from graphnav.common.run import Array
+from graphnav.graph.densify import Path, densify
+from graphnav.graph.elimination import Covariances, covariances
+from graphnav.graph.estimate import Estimate
+from graphnav.graph.kinematics import kinematics
+from graphnav.graph.nodes import FIX_SPACING_S, Nodes, place_nodes
+from graphnav.graph.noise import rescaled
+from graphnav.graph.preparation import Prepared
+from graphnav.graph.problem import Problem, build
+from graphnav.graph.robust_schedule import FINAL, FIRST, Weights
+from graphnav.graph.solve import FINE, ROUGH, Solution, gauss_newton
+from graphnav.recognition.motion_states import recognise, with_probabilities
+from graphnav.recognition.timeline import Timeline, disagreement, timeline_from_states
+
+MIN_ROUNDS, MAX_ROUNDS = 3, 5
+FIRST_INTERVAL_S = 2.0  # the first round only has to be near enough for the states
+SAME_TIMELINE = 0.002  # share of time that may still change its state
+
+
+@dataclass(frozen=True)
+class Smoothed:
+    """A solved run."""
+
+    prep: Prepared
+    problem: Problem
+    solution: Solution
+    timeline: Timeline
+    covariances: Covariances
+    reckoned: Path  # plain dead reckoning
+    path: Path  # dense, smoothed
+    scales: dict[str, float]  # noise found over noise assumed
+    iterations: int
+    rounds: int
+
+    @property
+    def estimate(self) -> Estimate:
+        """The states at the nodes."""
+        return self.solution.estimate
+
+
+def smooth(
+    prep: Prepared,
+    told: Callable[[str], None] = lambda _: None,
+    robust: tuple[Weights, Weights] = (FIRST, FINAL),
+) -> Smoothed:
+    """Smooth a run; `told` hears the name of each stage as it begins.
+
+    `robust` holds the weight functions by factor kind of the first round and of the later ones:
+    convex first, redescending once the trajectory is near (a graduated schedule).
+    """
+    told("dead reckoning")
+    nodes = _nodes(prep, np.zeros(0), prep.interval)
+    estimate, path = first_path(prep, nodes)
+    reckoned = path
+    told("motion states")
+    timeline = _recognised(prep, path, estimate, None)
+    iterations = 0
+    scales: dict[str, float] = {}
+    stands = False
+    for round_ in range(1, MAX_ROUNDS + 1):
+        interval = max(FIRST_INTERVAL_S, prep.interval) if round_ == 1 else prep.interval
+        nodes_next = _nodes(prep, timeline.boundaries, interval)
+        estimate = _moved(estimate, nodes, path, nodes_next)
+        nodes = nodes_next
+        told(f"graph, round {round_}")
+        problem = build(prep, nodes, timeline, estimate, scales)
+        told(f"solve, round {round_}")
+        last = (round_ >= MIN_ROUNDS and stands) or round_ == MAX_ROUNDS
+        weights, tolerance = robust[round_ > 1], FINE if last else ROUGH
+        solution = gauss_newton(problem.linearise, estimate, problem.chain, weights, tolerance)
+        iterations += solution.iterations
+        estimate = solution.estimate
+        path = densify(prep.inc, problem.pre, nodes, estimate, prep.alignment.origin)
+        told(f"covariances, round {round_}")
+        found = covariances(solution.bayes_net, problem.chain)
+        if last:
+            break
+        if not stands:
+            told(f"motion states, round {round_}")
+            again = _recognised(prep, path, estimate, nodes)
+            stands = disagreement(timeline, again) < SAME_TIMELINE
+            timeline = again
+        scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
+    told("state probabilities")
+    if _has_gears(prep):
+        timeline = with_probabilities(
+            timeline, kinematics(prep, path, estimate, nodes), prep.params
+        )
+    return Smoothed(
+        prep, problem, solution, timeline, found, reckoned, path, scales, iterations, round_
+    )
+
+
+def _nodes(prep: Prepared, boundaries: Array, interval: float) -> Nodes:
+    """Nodes at the interval, standstill edges, state boundaries and fixes."""
+    edges = prep.inc.edge
+    events = np.concatenate([prep.rests.ravel(), boundaries])
+    extra = np.zeros(0)
+    for sensor in (prep.gnss, prep.run.heading):
+        if sensor is not None:
+            slot = np.floor(sensor.time / FIX_SPACING_S)
+            extra = np.concatenate([extra, sensor.time[np.unique(slot, return_index=True)[1]]])
+    return place_nodes(edges, events, extra, prep.rests, interval)
+
+
+def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
+    """An estimate carried to other nodes of the same run by its dense path."""
+    calibration = np.stack(
+        [
+            np.interp(new.segment_time, old.segment_time, column)
+            for column in estimate.calibration.T
+        ],
+        -1,
+    )
+    at = new.edge
+    phase = np.interp(new.time, old.time, estimate.phase)
+    return Estimate(path.R_nb[at], path.v_n[at], path.p_n[at], phase, calibration)
+
+
+def _has_gears(prep: Prepared) -> bool:
+    """Whether there are more motion states to tell than stop and moving."""
+    return prep.vehicle.kind == "tracked" and prep.run.odometer is not None
+
+
+def _recognised(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None) -> Timeline:
+    """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
+    if not _has_gears(prep):
+        mid = 0.5 * (path.time[1:] + path.time[:-1])
+        state = np.where(prep.still, "stop", "moving")
+        timeline = timeline_from_states(mid, state)
+        return timeline.covering(float(path.time[0]), float(path.time[-1]))
+    return recognise(kinematics(prep, path, estimate, nodes), prep.params)

@@ -1,0 +1,87 @@
+"""Which calibrations a run carries, with priors from the vehicle file."""
+
+import numpy as np
+
+from factors.calibration import Component, Layout
+from factors.displacement import Columns
+from graphnav.common.earth import G_STANDARD
+from graphnav.common.run import Array, Gnss
+from graphnav.reading.vehicle import Vehicle
+from graphnav.recognition.corrections import Correction
+
+DEG_H = np.deg2rad(1) / 3600  # rad/s
+DEG_SQRT_H = np.deg2rad(1) / 60  # rad/sqrt(s)
+MG = 1e-3 * G_STANDARD  # m/s^2
+
+BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hour
+CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
+REFERENCE = ("straight_high", "moving")
+WIDTH_RATIO, WIDTH_RATIO_SD = 1.5, 0.6  # effective over geometric track width of a skidding vehicle
+COMMON_OFFSET = 0.3  # of a fix's sd: what all fixes of a run have in common
+SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
+
+
+def layout(
+    vehicle: Vehicle, table: dict[str, Correction], gnss: Gnss | None, two_sided: bool = False
+) -> Layout:
+    """The calibration vector: biases, scale, mounting, lever arm, delay, and the ground by state.
+
+    With fixes in use also the antenna's lever arm and their common offset.
+    """
+    imu, odometer = vehicle.imu, vehicle.odometer
+    gyro, accel = imu.gyro_bias_deg_h * DEG_H, imu.accel_bias_mg * MG
+    mount_sd = np.deg2rad(odometer.mount_sd_deg)
+    components = [
+        Component("gyro_bias", np.zeros(3), np.full(3, gyro), BIAS_DRIFT * gyro),
+        Component("accel_bias", np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
+        Component("scale", np.zeros(1), _one(odometer.scale_sd), SCALE_WALK),
+        Component("mounting", odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
+        Component("lever", odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
+    ]
+    if odometer.time_offset_sd_s > 0:
+        components.append(
+            Component("delay", _one(odometer.time_offset_s), _one(odometer.time_offset_sd_s))
+        )
+    if vehicle.kind == "wheeled":
+        components.append(Component("cornering", np.zeros(1), _one(CORNERING_SD)))
+    for state, row in table.items():
+        # straight ahead in high gear the factor and the scale are one number
+        if row.use_odometer and row.factor_sd > 0 and state not in REFERENCE:
+            components.append(Component(f"forward:{state}", _one(row.factor), _one(row.factor_sd)))
+    length = vehicle.body.contact_length
+    for state, row in table.items():
+        if row.kappa_sd > 0:
+            prior, sd = row.kappa * length, row.kappa_sd * length
+            components.append(Component(f"lateral:{state}", _one(prior), _one(sd)))
+    if two_sided:
+        gauge = vehicle.body.track_gauge
+        width = Component("track_width", _one(WIDTH_RATIO * gauge), _one(WIDTH_RATIO_SD * gauge))
+        components.append(width)
+    return Layout((*components, *gnss_components(vehicle, gnss)))
+
+
+def gnss_components(vehicle: Vehicle, gnss: Gnss | None) -> list[Component]:
+    """Antenna lever arm and common offset, where fixes are in use."""
+    if gnss is None:
+        return []
+    spec = vehicle.gnss
+    common = COMMON_OFFSET * np.median(gnss.sd_enu, 0)
+    return [
+        Component("antenna", spec.lever_b, np.full(3, spec.lever_arm_sd)),
+        Component("gnss_offset", np.zeros(3), common),
+    ]
+
+
+def columns(layout: Layout) -> Columns:
+    """Columns the odometer factors use."""
+    return Columns(
+        scale=layout.column("scale"),
+        mounting=layout.column("mounting"),
+        lever=layout.column("lever"),
+        delay=layout.column("delay"),
+        cornering=layout.column("cornering"),
+    )
+
+
+def _one(x: float) -> Array:
+    return np.array([x])

@@ -1,0 +1,49 @@
+"""Motion of the vehicle point on a uniform grid, as state recognition needs it (A1-A5)."""
+
+import numpy as np
+
+from factors import so3
+from graphnav.graph.densify import Path
+from graphnav.graph.estimate import Estimate
+from graphnav.graph.nodes import Nodes
+from graphnav.graph.preparation import Prepared
+from graphnav.inertial.odometry import speed_at
+from graphnav.recognition.motion_states import Kinematics
+
+RATE_HZ = 10.0
+SPEED_SD = 0.1  # m/s, smoothed inertial speed while the ground is still being learnt
+
+
+def kinematics(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None) -> Kinematics:
+    """Kinematics of the odometer point from a path at increment edges.
+
+    Without `nodes` the path is dead reckoning on the odometer itself and its speed says nothing.
+    """
+    t = np.arange(path.time[0], path.time[-1], 1 / RATE_HZ)
+    c = np.median(estimate.calibration, 0)
+    layout = prep.layout
+    lever = c[layout.slices["lever"]]
+    tilt = c[layout.slices["mounting"]]
+    R_mb = so3.exp(np.array([tilt[0], prep.vehicle.odometer.mount_b[1], tilt[1]])).T
+    dt = np.diff(path.time)[:, None]
+    inc = prep.inc
+    R, Omega = path.R_nb[:-1], prep.alignment.origin.Omega_n
+    rate_b = inc.rotation / dt - c[:3] - so3.mtv(R, np.broadcast_to(Omega, (len(R), 3)))
+    g_n = prep.alignment.origin.gravity(path.p_n[:1])
+    force_m = (inc.velocity / dt - c[3:6] + so3.mtv(R, np.broadcast_to(g_n, (len(R), 3)))) @ R_mb.T
+    v_m = (so3.mtv(R, path.v_n[:-1]) + so3.cross(rate_b, lever)) @ R_mb.T
+    mid = 0.5 * (path.time[1:] + path.time[:-1])
+
+    assert prep.run.odometer is not None
+    delay = c[layout.slices["delay"]][0] if "delay" in layout.slices else 0.0
+    sd = np.full(len(t), np.inf if nodes is None else SPEED_SD)
+    return Kinematics(
+        time=t,
+        v_y=np.interp(t, path.time[:-1], v_m[:, 1]),
+        sd_v_y=sd,
+        v_o=speed_at(prep.run.odometer, t + delay),
+        yaw_rate=np.interp(t, mid, rate_b @ R_mb[2]),
+        a_c=np.interp(t, mid, force_m[:, 0]),
+        standing=np.interp(t, mid, prep.still.astype(np.float64)) > 0.5,
+        accel_y=np.interp(t, mid, force_m[:, 1]),
+    )

@@ -1,0 +1,146 @@
+"""Everything a solution needs that does not change between rounds."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from factors import so3
+from factors.calibration import Layout
+from factors.preintegration import Increments, InertialNoise, preintegrate
+from graphnav.common.earth import G_STANDARD
+from graphnav.common.errors import InputError
+from graphnav.common.run import Array, Gnss, Run
+from graphnav.graph import calibrations
+from graphnav.graph.nodes import INTERVAL_S
+from graphnav.inertial.alignment import Alignment, align
+from graphnav.inertial.increments import GRID_S, increments
+from graphnav.inertial.reckoning import inertial_path
+from graphnav.inertial.standstill import (
+    BEGINS_S,
+    Mask,
+    believable,
+    rocking,
+    spans,
+    standing,
+    unmoved,
+    within,
+)
+from graphnav.reading.outages import Outages, in_use
+from graphnav.reading.vehicle import Vehicle
+from graphnav.recognition.corrections import Correction, VehicleParams, correction_table
+
+LOW_GEAR_RATIO = 1.42  # of a gearbox odometer, where the vehicle file does not say (A6)
+STANDING_START_S = 3.0  # a rest at least this long, begun as the run starts, aligns
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A run ready to be smoothed."""
+
+    recorded: Run  # as read
+    run: Run  # with the fixes in use only
+    vehicle: Vehicle
+    inc: Increments
+    noise: InertialNoise
+    still: Mask  # (M,) whether the vehicle stands, per increment
+    rests: Array  # (K, 2) s, spans of standstill
+    alignment: Alignment
+    table: dict[str, Correction]
+    layout: Layout
+    gnss: Gnss | None  # fixes in use
+    fixes_n: Array  # (F, 3) m, the fixes in use, in n
+    rocking: Array  # (3,) rad, how far the standing vehicle rocks, one sigma by axis
+    interval: float = INTERVAL_S  # s between nodes
+
+    @property
+    def params(self) -> VehicleParams:
+        """What state recognition must know of the vehicle."""
+        return params(self.vehicle, two_sided(self.run, self.vehicle))
+
+
+def prepare(
+    run: Run,
+    vehicle: Vehicle,
+    *,
+    use_gnss: bool,
+    outages: Outages,
+    rate_hz: float = 10.0,
+    interval: float = INTERVAL_S,
+    table: dict[str, Correction] | None = None,
+) -> Prepared:
+    """Increments, standstill, alignment and calibration layout of a run; nodes every `interval` s.
+
+    `table` replaces the vehicle's correction table; rows with zero sd are held, not learnt.
+    """
+    if run.imu is None:
+        raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
+    inc = increments(run.imu, min(GRID_S, 1 / rate_hz))
+    gnss = in_use(run, vehicle, use_gnss, outages)
+    used = replace(run, gnss=gnss)
+    still = standing(inc, run.odometer)
+    rests = spans(still, inc.edge)
+    if gnss is not None:
+        rests = unmoved(rests, gnss)
+        still = within(inc, rests)
+    alignment = align(used, vehicle, inc, standing_start(rests, inc))
+    if run.odometer is None:
+        rests = believable(rests, *_reckoned_speed(inc, vehicle, alignment))
+        still = within(inc, rests)
+    table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
+    noise = inertial_noise(vehicle)
+    fixes = np.zeros((0, 3))
+    if gnss is not None:
+        fixes = alignment.origin.local(
+            np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
+        )
+    layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle))
+    rock = rocking(inc, rests, noise.gyro)
+    sensed = run, used, vehicle, inc, noise, still, rests
+    return Prepared(*sensed, alignment, table, layout, gnss, fixes, rock, interval)
+
+
+def inertial_noise(vehicle: Vehicle) -> InertialNoise:
+    """White noise of the vehicle's inertial sensors, SI."""
+    spec = vehicle.imu
+    return InertialNoise(
+        gyro=spec.gyro_noise_deg_sqrt_h * calibrations.DEG_SQRT_H,
+        accel=spec.accel_noise_mg_sqrt_hz * 1e-3 * G_STANDARD,
+    )
+
+
+def _reckoned_speed(inc: Increments, vehicle: Vehicle, alignment: Alignment) -> tuple[Array, Array]:
+    """Forward speed from the IMU alone at 1 Hz: times and m/s."""
+    edge = np.unique(
+        np.searchsorted(inc.edge, np.append(np.arange(inc.edge[0], inc.edge[-1]), 1e18))
+    )
+    edge = np.unique(np.minimum(edge, len(inc.edge) - 1))
+    bias = np.tile(np.append(alignment.gyro_bias, np.zeros(3)), (len(edge) - 1, 1))
+    pre = preintegrate(inc, edge, bias, InertialNoise(1.0, 1.0))
+    R_bm = so3.exp(vehicle.odometer.mount_b)
+    start = alignment.start
+    R, v, _ = inertial_path(pre, start.R_nb, start.v_n, alignment.origin, R_bm)
+    return inc.edge[edge], so3.mtv(R @ R_bm, v)[:, 1]
+
+
+def params(vehicle: Vehicle, two_sided: bool = False) -> VehicleParams:
+    """What state recognition must know of the vehicle."""
+    body = vehicle.body
+    ratio = body.low_gear_ratio or (1.0 if two_sided else LOW_GEAR_RATIO)
+    limit = float(np.deg2rad(body.max_turn_deg))
+    return VehicleParams(
+        vehicle.kind, body.track_gauge, body.contact_length, ratio, limit, two_sided
+    )
+
+
+def two_sided(run: Run, vehicle: Vehicle) -> bool:
+    """Whether the vehicle skids to turn and both sides' speeds are recorded."""
+    return vehicle.kind == "tracked" and run.sides is not None
+
+
+def standing_start(rests: Array, inc: Increments) -> float:
+    """End of a standing start, s; 0 when the run begins on the move."""
+    if len(rests) and rests[0, 0] - inc.edge[0] < BEGINS_S:
+        start, end = rests[0]
+        if end - start >= STANDING_START_S:
+            return float(end)
+    return 0.0

@@ -1,0 +1,158 @@
+"""Gauss-Newton over all factors, iteratively reweighted, with step halving."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import gtsam
+import numpy as np
+
+from factors.block import Block
+from factors.weights import Robust
+from graphnav.common.errors import SolutionError
+from graphnav.common.run import Array
+from graphnav.graph.elimination import Chain, eliminate, linear_system, quickly, step
+from graphnav.graph.estimate import Estimate, finite
+
+Step = tuple[Array, Array]  # error states of nodes (N, 10) and calibration segments (K, dim)
+Linearise = Callable[[Estimate], list[Block]]
+
+ROUGH, FINE = 30.0, 1e-2  # squared length of the last step in standard deviations, all states
+MAX_ITERATIONS, ROUGH_ITERATIONS = 40, 12
+# weights stay once a step was so short, at the latest from this iteration on: a redescending
+# weight may creep for ever
+HELD_BELOW, HELD_FROM = 1.0, 8
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the iteration ended, with the factors and the square-root system there."""
+
+    estimate: Estimate
+    blocks: list[Block]  # unweighted, at the estimate
+    weights: list[Array]  # (n, r) of each block
+    bayes_net: gtsam.GaussianBayesNet
+    iterations: int
+    cost: float  # 0.5 sum w r^2
+
+
+def weights_of(block: Block, robust: Mapping[str, Robust]) -> Array:
+    """Weight of every row; 1 for factors that are not robust."""
+    if not block.robust or block.kind not in robust:
+        return np.ones_like(block.residual)
+    return robust[block.kind].weight(block.residual)
+
+
+def cost_of(blocks: list[Block], weights: list[Array]) -> float:
+    """Weighted cost `0.5 sum w r^2`."""
+    return 0.5 * sum(float(np.sum(w * b.residual**2)) for b, w in zip(blocks, weights, strict=True))
+
+
+def square_root(
+    blocks: list[Block], chain: Chain, robust: Mapping[str, Robust]
+) -> gtsam.GaussianBayesNet:
+    """The system of blocks weighted at their residuals, by QR."""
+    weighted = [block.weighted(weights_of(block, robust)) for block in blocks]
+    return eliminate(linear_system(weighted, chain), chain)
+
+
+def gauss_newton(
+    linearise: Linearise,
+    estimate: Estimate,
+    chain: Chain,
+    robust: Mapping[str, Robust],
+    tolerance: float = FINE,
+) -> Solution:
+    """Iterate until the step is small against the standard deviations: `d^T H d < tolerance`.
+
+    Raises SolutionError naming the factor that does not settle.
+    """
+    blocks = linearise(estimate)
+    weights = [weights_of(block, robust) for block in blocks]
+    held = False
+    for iteration in range(1, MAX_ITERATIONS + 1):
+        here = _Here(linearise, estimate, weights, cost_of(blocks, weights))
+        weighted = [b.weighted(w) for b, w in zip(blocks, weights, strict=True)]
+        graph = linear_system(weighted, chain)
+        # what a reader sees is solved by QR: the last steps of a fine solution
+        quick = None if held and tolerance < ROUGH else _quick(here, graph, weighted, chain)
+        attempt = quick or _exact(here, graph, weighted, chain)
+        # an early round need not settle: the next one begins where it ends
+        settled = attempt.length < tolerance and (held or tolerance >= ROUGH)
+        if settled or (tolerance >= ROUGH and iteration == ROUGH_ITERATIONS):
+            return Solution(*attempt.taken, weights, attempt.bayes_net, iteration, here.cost)
+        estimate, blocks = attempt.taken
+        held = held or attempt.length < HELD_BELOW or iteration >= HELD_FROM
+        if not held:
+            weights = [weights_of(block, robust) for block in blocks]
+    raise SolutionError(
+        f"no convergence in {MAX_ITERATIONS} iterations "
+        f"(last step {np.sqrt(attempt.length):.2g} sigma): " + worst(blocks)
+    )
+
+
+@dataclass(frozen=True)
+class _Here:
+    """Where a step starts: the estimate, the weights held for the step and the cost."""
+
+    linearise: Linearise
+    estimate: Estimate
+    weights: list[Array]
+    cost: float
+
+    def moved(self, delta: Step) -> tuple[Estimate, list[Block]] | None:
+        """Estimate and blocks after a step; None when the cost grows."""
+        trial = self.estimate.retract(*delta)
+        if not finite(trial):
+            return None
+        blocks = self.linearise(trial)
+        limit = self.cost * (1 + 1e-6) + 1e-3
+        return (trial, blocks) if cost_of(blocks, self.weights) <= limit else None
+
+
+@dataclass(frozen=True)
+class _Attempt:
+    """One step and where it leads."""
+
+    length: float  # squared, in standard deviations: d^T H d
+    taken: tuple[Estimate, list[Block]]
+    bayes_net: gtsam.GaussianBayesNet
+
+
+def _quick(
+    here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
+) -> _Attempt | None:
+    """The full step by Cholesky; None where it breaks down or the cost would grow."""
+    bayes_net = quickly(graph, chain)
+    if bayes_net is None:
+        return None
+    delta = step(bayes_net, chain)
+    taken = here.moved(delta)
+    return _Attempt(_length(weighted, delta), taken, bayes_net) if taken else None
+
+
+def _exact(
+    here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
+) -> _Attempt:
+    """The step by QR, or a half, quarter ... of it while the cost would grow."""
+    bayes_net = eliminate(graph, chain)
+    delta = step(bayes_net, chain)
+    length = _length(weighted, delta)
+    for halving in range(6):
+        part = (0.5**halving * delta[0], 0.5**halving * delta[1])
+        taken = here.moved(part)
+        if taken:
+            return _Attempt(length, taken, bayes_net)
+    trial = here.estimate.retract(*part)
+    return _Attempt(length, (trial, here.linearise(trial)), bayes_net)
+
+
+def _length(weighted: list[Block], delta: Step) -> float:
+    """Squared length of a step in standard deviations, `d^T H d`."""
+    return sum(float(np.sum(block.change(*delta) ** 2)) for block in weighted)
+
+
+def worst(blocks: list[Block]) -> str:
+    """The factor kind, row and time of the largest whitened residual, in words."""
+    peak = max(blocks, key=lambda b: float(np.abs(b.residual).max(initial=0)))
+    n, row = np.unravel_index(int(np.abs(peak.residual).argmax()), peak.residual.shape)
+    return f"{peak.kind} ({peak.axes[row]}) disagrees most, at {peak.time[n]:.1f} s of the run"

@@ -1,0 +1,85 @@
+"""The odometer on the increments' grid, and its sums between nodes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from factors import so3
+from factors.block import Index
+from factors.displacement import OdometerSums
+from factors.preintegration import Increments, Preintegrated, interval_of_increment
+from graphnav.common.run import Array, Odometer
+
+RATE_S = 0.1  # half the baseline over which the odometer's speed is differenced
+
+
+def distance_at(odometer: Odometer, time: Array) -> Array:
+    """Cumulative distance at times (linear between samples, held outside), m."""
+    return np.interp(time, odometer.time, odometer.distance)
+
+
+def speed_at(odometer: Odometer, time: Array, half: float = RATE_S) -> Array:
+    """Odometer speed differenced over `2 half` seconds, less at its ends, m/s; zero outside."""
+    first, last = odometer.time[0], odometer.time[-1]
+    ahead, behind = np.clip(time + half, first, last), np.clip(time - half, first, last)
+    gained = distance_at(odometer, ahead) - distance_at(odometer, behind)
+    span = ahead - behind
+    return gained / np.where(span > 0, span, np.inf)
+
+
+@dataclass(frozen=True)
+class OdometerSteps:
+    """What the odometer and the gyro say about each increment."""
+
+    distance: Array  # (M,) m
+    rate: Array  # (M,) m/s, change of the distance per second of delay
+    yaw: Array  # (M,) rad, Earth rate and bias removed
+    delay: float  # s, taken off the odometer's stamps
+
+
+def odometer_steps(
+    inc: Increments, odometer: Odometer, delay: float, gyro_bias_z: Array, earth_z: Array
+) -> OdometerSteps:
+    """Distance and yaw steps of the increments, the odometer's stamps late by `delay` s.
+
+    `gyro_bias_z` and `earth_z` (M,) rad/s.
+    """
+    distance = np.diff(distance_at(odometer, inc.edge + delay))
+    rate = np.diff(speed_at(odometer, inc.edge + delay))
+    dt = np.diff(inc.edge)
+    yaw = inc.rotation[:, 2] - (gyro_bias_z + earth_z) * dt
+    return OdometerSteps(distance, rate, yaw, delay)
+
+
+def odometer_sums(
+    inc: Increments, pre: Preintegrated, nodes: Index, steps: OdometerSteps, earth_b: Array
+) -> OdometerSums:
+    """Sum the steps along the gyro-integrated rotation between nodes (B4).
+
+    `earth_b` (n, 3) rad/s, the Earth's rotation in the body at the start of each interval.
+    """
+    first = nodes[:-1]
+    owner = interval_of_increment(nodes)
+    start = inc.edge[first][owner]
+    mid = 0.5 * (inc.edge[1:] + inc.edge[:-1]) - start
+    dt = np.diff(inc.edge)[:, None]
+    C = pre.C[:-1] @ so3.exp(0.5 * (inc.rotation - pre.bias[owner, :3] * dt))
+
+    def total(weight: Array) -> Array:
+        return np.add.reduceat(C * weight[:, None, None], first, axis=0)
+
+    # the axes of the middle of the interval: half the total rotation is close enough
+    half = so3.exp(0.5 * so3.log(pre.dR))
+    return OdometerSums(
+        distance=total(steps.distance),
+        distance_rate=total(steps.rate),
+        distance_late=total(steps.distance * mid),
+        turn=total(steps.yaw),
+        turn_abs=total(np.abs(steps.yaw) * np.sign(steps.distance)),
+        bend=total(steps.distance * steps.yaw / np.diff(inc.edge)),
+        R_mid=half,
+        delay=steps.delay,
+        # the gyro turns with the Earth, the displacement is told on it: the Earth's rate acts as a
+        # bias of the integrated rotation
+        bias=pre.bias[:, :3] - earth_b,
+    )

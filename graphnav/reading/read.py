@@ -1,0 +1,259 @@
+"""A run file (csv, csv.gz, parquet) as a `Run`: SI, right-forward-up, every sensor on its clock.
+
+Nothing is dropped, clipped or guessed here that is not told in `Run.notes`.
+"""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graphnav.common.errors import InputError
+from graphnav.common.run import (
+    Accelerometer,
+    ExternalHeading,
+    Gnss,
+    Imu,
+    Odometer,
+    RoverGear,
+    Run,
+    SideSpeeds,
+)
+from graphnav.reading.columns import ACCEL, GNSS, GNSS_SD, GYRO, LINKS, SIDES, STEERS, WHEELS
+from graphnav.reading.samples import Rows, Samples, missing_column, read_samples
+from graphnav.reading.table_file import open_table
+from graphnav.reading.vehicle import Vehicle
+
+Array = NDArray[np.float64]
+FASTEST = 150.0  # m/s: a counter that implies more has wrapped or was reset
+CARRIED_S = 0.2  # a fix repeated sooner is no new one
+
+
+@dataclass(frozen=True)
+class _Reader:
+    """Samples, the vehicle that explains them, and what is worth telling about the reading."""
+
+    samples: Samples
+    vehicle: Vehicle
+    notes: list[str] = field(default_factory=list)
+
+    def time(self, rows: Rows) -> Array:
+        """Seconds from the run's start at `rows`."""
+        clock = self.samples.clock
+        return np.asarray(clock[rows] - clock[0])
+
+
+def read_run(path: Path, vehicle: Vehicle) -> Run:
+    """The run at `path`. Raises `InputError` (file, line, time, cure) on whatever is malformed."""
+    reader = _Reader(read_samples(open_table(path), vehicle), vehicle)
+    _note_ignored(reader)
+    sides = _sides(reader)
+    return Run(
+        path=path,
+        clock_start=float(reader.samples.clock[0]),
+        end=float(reader.samples.clock[-1] - reader.samples.clock[0]),
+        imu=_imu(reader),
+        odometer=_odometer(reader, sides),
+        sides=sides,
+        gnss=_gnss(reader),
+        heading=_heading(reader),
+        rover=_rover(reader),
+        accelerometer=_accelerometer(reader),
+        notes=tuple(reader.notes),
+    )
+
+
+def _note_ignored(reader: _Reader) -> None:
+    ignored = reader.samples.ignored
+    if ignored:
+        names = ", ".join(f"'{name}'" for name in ignored[:8]) + (", ..." if ignored[8:] else "")
+        reader.notes.append(
+            f"columns without a meaning to graphnav were not read: {names}; "
+            "map them under [columns] in the vehicle file if they are sensors"
+        )
+
+
+def _imu(reader: _Reader) -> Imu | None:
+    samples = reader.samples
+    if reader.vehicle.kind == "rover" and not samples.has(GYRO):
+        return None
+    rows, values = samples.group(GYRO + ACCEL, "an inertial sample")
+    if len(rows) < 2:
+        raise InputError(f"{samples.file.path}: fewer than two inertial samples; need {GYRO[0]}...")
+    time = reader.time(rows)
+    step = np.diff(time)
+    axes = reader.vehicle.imu.axes_matrix
+    return Imu(
+        time=time,
+        dt=np.concatenate([[np.median(step)], step]),
+        gyro=_turned(values[:, :3], axes),
+        accel=_turned(values[:, 3:], axes),
+    )
+
+
+def _turned(vectors: Array, axes: Array) -> Array:
+    """Recorded vectors (N, 3) in RFU; a signed permutation is quicker picked than multiplied."""
+    if (axes == np.eye(3)).all():
+        return vectors
+    return np.asarray(vectors[:, np.abs(axes).argmax(1)] * axes.sum(1))
+
+
+def _accelerometer(reader: _Reader) -> Accelerometer | None:
+    """Specific force alone: the attitude of a rover without gyros (C5)."""
+    if reader.samples.has(GYRO) or not reader.samples.has(ACCEL):
+        return None
+    rows, values = reader.samples.group(ACCEL, "an accelerometer sample")
+    return Accelerometer(reader.time(rows), _turned(values, reader.vehicle.imu.axes_matrix))
+
+
+def _odometer(reader: _Reader, sides: SideSpeeds | None) -> Odometer | None:
+    samples, spec = reader.samples, reader.vehicle.odometer
+    there = [name for name in ("odo_pulses", "odo_speed") if name in samples.columns]
+    column = spec.column or (there[0] if there else None)
+    if column is not None and column not in there:
+        if there or samples.ignored:  # one of them may be it under another name
+            raise missing_column(samples.file, column, "[odometer] column of the vehicle file")
+        reader.notes.append(
+            f"the vehicle file names {column}, but the run has no such column: smoothed without "
+            "an odometer, on the non-holonomic constraint alone"
+        )
+        column = None
+    if column == "odo_pulses":
+        return _counted(reader)
+    if column == "odo_speed":
+        rows, values = samples.group(("odo_speed",), "the odometer")
+        return _integrated(reader.time(rows), values[:, 0])
+    if sides is None:
+        return None
+    reader.notes.append("no odometer column: the mean of odo_left and odo_right is used")
+    return _integrated(sides.time, (sides.left + sides.right) / 2)
+
+
+def _integrated(time: Array, speed: Array) -> Odometer | None:
+    if len(time) < 2:
+        return None
+    steps = np.diff(time) * (speed[1:] + speed[:-1]) / 2
+    return Odometer(time, np.concatenate([[0.0], np.cumsum(steps)]), speed, 0.0)
+
+
+def _counted(reader: _Reader) -> Odometer | None:
+    """Pulses as distance; steps no vehicle can make (wrap, reset) count nothing.  Source: B1."""
+    per_pulse = reader.vehicle.odometer.metres_per_pulse
+    if per_pulse is None:
+        raise InputError(
+            f"{reader.samples.file.path}: odo_pulses is a counter, but the vehicle file does not "
+            "say what a count is worth; add [odometer] metres_per_pulse [m]"
+        )
+    rows, values = reader.samples.group(("odo_pulses",), "the odometer")
+    if len(rows) < 2:
+        return None
+    time = reader.time(rows)
+    step = np.diff(time)
+    moved = np.diff(values[:, 0]) * per_pulse
+    jump = np.abs(moved) > FASTEST * np.maximum(step, 0.1)
+    for i in np.flatnonzero(jump)[:1]:
+        clock = reader.samples.clock[rows[i + 1]]
+        reader.notes.append(
+            f"the pulse counter jumps {int(jump.sum())} times, first by {moved[i] / per_pulse:.0f} "
+            f"at {clock:.3f}: taken as a wrap or reset, no distance counted"
+        )
+    moved = np.where(jump, 0.0, moved)
+    speed = moved / step
+    return Odometer(
+        time,
+        np.concatenate([[0.0], np.cumsum(moved)]),
+        np.concatenate([speed[:1], speed]),
+        per_pulse,
+    )
+
+
+def _sides(reader: _Reader) -> SideSpeeds | None:
+    if not reader.samples.has(SIDES):
+        return None
+    rows, values = reader.samples.group(SIDES, "a pair of side speeds")
+    return SideSpeeds(reader.time(rows), values[:, 0], values[:, 1]) if len(rows) > 1 else None
+
+
+def _gnss(reader: _Reader) -> Gnss | None:
+    samples = reader.samples
+    if not samples.has(GNSS):
+        return None
+    rows, fix = samples.group(GNSS, "a GNSS fix")
+    for i in np.flatnonzero((np.abs(fix[:, 0]) > 90) | (np.abs(fix[:, 1]) > 360))[:1]:
+        raise samples.error(int(rows[i]), f"{fix[i, 0]:g}, {fix[i, 1]:g} is no lat, lon in degrees")
+    sd = _gnss_sd(reader, rows)
+    nowhere = (fix[:, 0] == 0) & (fix[:, 1] == 0)
+    if nowhere.any():
+        reader.notes.append(
+            f"{int(nowhere.sum())} GNSS fixes at 0, 0 are receivers' blanks: left out"
+        )
+        rows, fix, sd = rows[~nowhere], fix[~nowhere], sd[~nowhere]
+    again = _repeated(reader.time(rows), fix)
+    if again.any():
+        reader.notes.append(f"{int(again.sum())} GNSS rows repeat the fix before: left out")
+        rows, fix, sd = rows[~again], fix[~again], sd[~again]
+    if not len(rows):
+        return None
+    return Gnss(reader.time(rows), fix[:, 0], fix[:, 1], fix[:, 2], sd)
+
+
+def _repeated(time: Array, fix: Array) -> NDArray[np.bool_]:
+    """Rows that only carry the last fix on, as loggers do that fill every row, (K,)."""
+    same = (np.diff(fix, axis=0) == 0).all(axis=1) & (np.diff(time) < CARRIED_S)
+    return np.concatenate([np.zeros(min(len(fix), 1), bool), same])
+
+
+def _gnss_sd(reader: _Reader, rows: Rows) -> Array:
+    """Standard deviations (K, 3); those not given are the vehicle file's, and said to be."""
+    samples, default = reader.samples, reader.vehicle.gnss.sd
+    blank = np.full(len(samples.clock), np.nan)
+    sd = np.stack([samples.columns.get(name, blank)[rows] for name in GNSS_SD], -1)
+    bad = np.flatnonzero((sd <= 0).any(-1))
+    if len(bad):
+        raise samples.error(int(rows[bad[0]]), "a GNSS standard deviation is not above 0; blank it")
+    missing = np.isnan(sd)
+    if missing.any():
+        which = [name for name, m in zip(GNSS_SD, missing.any(0), strict=True) if m]
+        reader.notes.append(
+            f"{', '.join(which)} not given for {int(missing.any(-1).sum())} of {len(rows)} fixes: "
+            f"{default:g} m assumed; set [gnss] sd [m]"
+        )
+    return np.where(missing, default, sd)
+
+
+def _heading(reader: _Reader) -> ExternalHeading | None:
+    if not reader.samples.has(("heading_deg",)):
+        return None
+    rows, values = reader.samples.group(("heading_deg",), "the external heading")
+    return ExternalHeading(reader.time(rows), np.deg2rad(values[:, 0])) if len(rows) else None
+
+
+def _rover(reader: _Reader) -> RoverGear | None:
+    """Running gear at the wheels' rows; a silent wheel is NaN, angles may come at other times."""
+    samples = reader.samples
+    if not samples.has(WHEELS):
+        return None
+    blank = np.full(len(samples.clock), np.nan)
+    wheel = np.stack([samples.columns.get(name, blank) for name in WHEELS], -1)
+    rows = np.flatnonzero(np.isfinite(wheel).any(-1))
+    if len(rows) < 2:
+        return None
+    for names, what in ((STEERS, "steering"), (LINKS, "rocker and bogie")):
+        if not samples.has(names):
+            reader.notes.append(f"no {what} columns: taken as 0, straight and level")
+    silent = [name for name, w in zip(WHEELS, wheel.T, strict=True) if not np.isfinite(w).any()]
+    if silent:
+        reader.notes.append(f"{', '.join(silent)} never reported: the other wheels decide")
+    steer = np.stack([_angle(reader, name, rows) for name in STEERS], -1)
+    link = [_angle(reader, name, rows) for name in LINKS]
+    return RoverGear(reader.time(rows), wheel[rows], steer, link[0], link[1], link[2])
+
+
+def _angle(reader: _Reader, name: str, rows: Rows) -> Array:
+    """A joint's angle at `rows`, interpolated between its own samples; 0 without any."""
+    column = reader.samples.columns.get(name)
+    if column is None or not np.isfinite(column).any():
+        return np.zeros(len(rows))
+    known, clock = np.isfinite(column), reader.samples.clock
+    return np.interp(clock[rows], clock[known], column[known])

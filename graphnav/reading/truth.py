@@ -1,0 +1,63 @@
+"""truth.csv (also .csv.gz, .parquet): reference positions and, where known, motion and states."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from graphnav.common.errors import InputError
+from graphnav.reading.table_file import open_table
+from graphnav.reading.vehicle_file import nearest
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+NEEDED = ("time", "lat", "lon", "height")
+OPTIONAL = ("v_e", "v_n", "v_u", "roll_deg", "pitch_deg", "heading_deg")
+
+
+def read_truth(path: Path) -> "DataFrame":
+    """Columns of interface.md as far as the file has them; rows without a position are left out.
+
+    Raises `InputError` when a needed column is missing, a cell is no number or time runs back.
+    """
+    import pandas as pd
+
+    file = open_table(path)
+    for name in NEEDED:
+        if name not in file.header:
+            raise InputError(
+                f"{path}: no column '{name}' (truth needs {', '.join(NEEDED)}); "
+                f"nearest is '{nearest(name, file.header)}'"
+            )
+    names = [name for name in (*NEEDED, *OPTIONAL) if name in file.header]
+    truth = pd.DataFrame(file.numbers(names))
+    if "state" in file.header:
+        truth["state"] = file.words("state")
+    back = np.flatnonzero(np.diff(truth["time"]) <= 0)
+    if len(back):
+        row = file.row(int(back[0]) + 1)
+        raise InputError(f"{path}: {row}: time repeats or goes backwards; sort the rows by time")
+    known = truth[list(NEEDED)].notna().all(axis=1)
+    if not known.any():
+        raise InputError(f"{path}: no row holds time, lat, lon and height")
+    if (truth["lat"].abs() > 90).any():
+        row = file.row(int((truth["lat"].abs() > 90).to_numpy().argmax()))
+        raise InputError(f"{path}: {row}: lat is no latitude in degrees")
+    return truth[known].reset_index(drop=True)
+
+
+def read_trajectory(path: Path) -> "DataFrame":
+    """The trajectory of a result directory, or a trajectory file (.parquet, .csv).
+
+    Raises `InputError` when there is none, or when it lacks what a comparison needs.
+    """
+    import pandas as pd
+
+    file = open_table(path / "trajectory.parquet" if path.is_dir() else path)
+    for name in NEEDED:
+        if name not in file.header:
+            raise InputError(f"{file.path}: no column '{name}'; give a result of graphnav smooth")
+    words = [name for name in file.header if name == "state"]
+    table = pd.DataFrame(file.numbers([name for name in file.header if name not in words]))
+    return table.assign(**{name: file.words(name) for name in words})

@@ -1,0 +1,184 @@
+"""A smoothed rover as the writers want it, and what its wheels did wrong."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from factors.block import PHASE
+from graphnav.common.run import Array, Run
+from graphnav.graph.calibrations import DEG_H, MG
+from graphnav.reading.outages import Outages, in_use
+from graphnav.reading.vehicle import Vehicle
+from graphnav.recognition.timeline import Timeline, timeline_from_states
+from graphnav.result.events import Event
+from graphnav.result.solved import Calibrated, Odometry, Solved
+from graphnav.rover.problem import fixes_n
+from graphnav.rover.running_gear import Wheels
+from graphnav.rover.smoother import RoverSolution, first_guess, path_of, smooth_rover
+
+STILL = 0.003  # m/s at the wheels' rim
+STILL_LEAST_S = 2.0  # a shorter pause is part of the drive
+EPISODE_S, EPISODE_SHARE = 3.0, 0.25  # shorter or smaller (of the speed) is left untold
+DOUBTED = 0.3
+ODOMETER_S = 0.2
+INNER = ("calibration_mean", "bounds", "tilt", "wheel_speed")  # no measurements of their own
+
+
+@dataclass(frozen=True)
+class Told:
+    """How a calibration is told."""
+
+    column: str
+    name: str
+    unit: str
+    components: tuple[str, ...]
+    per: float
+    constant: bool = False
+
+
+XYZ = ("x", "y", "z")
+DEG = np.deg2rad(1.0)
+TOLD = (
+    Told("gyro_bias", "gyro_bias_deg_h", "deg/h", XYZ, DEG_H),
+    Told("accel_bias", "accel_bias_mg", "mg", XYZ, MG),
+    Told("slip_coefficient", "slip_coefficient", "1", ("k_s",), 1.0),
+    Told("side_slip", "side_slip", "1", ("right",), 1.0),
+    Told("toe", "toe_deg_m", "deg/m", ("left",), DEG, constant=True),
+    Told("yaw_slip", "yaw_slip_deg_m", "deg/m", ("left",), DEG),
+)
+
+
+def solve_rover(
+    run: Run,
+    vehicle: Vehicle,
+    *,
+    use_gnss: bool = True,
+    outages: Outages = (),
+    told: Callable[[str], None] = lambda _: None,
+    feel_ground: bool = True,
+) -> Solved:
+    """Smooth a run with rover gear. `outages` on the file's clock, s: fixes withheld.
+
+    Not `feel_ground`: slip only from turns that the heading sensor or a gyro sees (C6).
+
+    Raises `InputError` when wheels, geometry or start are missing, `SolutionError` when the graph
+    does not settle.
+    """
+    gnss = in_use(run, vehicle, use_gnss, outages)
+    solution = smooth_rover(replace(run, gnss=gnss), vehicle, told, feel_ground)
+    problem = solution.problem
+    kept = [i for i, b in enumerate(solution.solution.blocks) if b.kind not in INNER]
+    return Solved(
+        run=run,
+        vehicle=vehicle,
+        origin=problem.origin,
+        path=path_of(problem, solution.estimate),
+        R_bm=np.eye(3),
+        node_time=problem.nodes.time,
+        node_covariance=solution.covariances.nodes[:, : PHASE.start, : PHASE.start],
+        timeline=timeline(problem.wheels, problem.nodes.time),
+        calibrated=calibrated(solution),
+        blocks=[solution.solution.blocks[i] for i in kept],
+        weights=[solution.solution.weights[i] for i in kept],
+        reckoned=path_of(problem, first_guess(problem, sensed=False)),
+        odometry=odometry(solution),
+        fixes_n=fixes_n(run, problem.origin),
+        solver={
+            "kind": "rover, gyro-free" if problem.inc is None else "rover with gyros",
+            "nodes": len(problem.nodes.time),
+            "iterations": solution.solution.iterations,
+            "cost": solution.solution.cost,
+        },
+        rests=rests(solution.problem.wheels),
+        verdicts=verdicts(solution),
+        wheel_events=tuple(wheel_events(solution)),
+    )
+
+
+def rests(wheels: Wheels) -> Array:
+    """Spans (K, 2) s of two seconds or more in which no wheel turns."""
+    time = wheels.time
+    found = [(time[a], time[b]) for a, b in _spans(wheels.motion.speed < STILL)]
+    return np.array([s for s in found if s[1] - s[0] >= STILL_LEAST_S]).reshape(-1, 2)
+
+
+def timeline(wheels: Wheels, node_time: Array) -> Timeline:
+    """Stop and moving, from the wheels."""
+    still = np.zeros(len(wheels.time), bool)
+    for start, end in rests(wheels):
+        still |= (wheels.time >= start) & (wheels.time <= end)
+    states = timeline_from_states(wheels.time, np.where(still, "stop", "moving"))
+    return states.covering(float(node_time[0]), float(node_time[-1]))
+
+
+def _spans(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """First and last index of every run of True."""
+    edge = np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))
+    ends = zip(np.flatnonzero(edge == 1), np.flatnonzero(edge == -1) - 1, strict=True)
+    return [(int(a), int(b)) for a, b in ends]
+
+
+def calibrated(solution: RoverSolution) -> list[Calibrated]:
+    """Slip, toe and biases with their standard deviations."""
+    layout, time = solution.problem.layout, solution.problem.nodes.segment_time
+    value = solution.estimate.calibration
+    sd = np.sqrt(np.einsum("kii->ki", solution.covariances.calibration))
+    out = []
+    for t in TOLD:
+        if t.column in layout.slices:
+            at = layout.slices[t.column]
+            rows = slice(-1, None) if t.constant else slice(None)
+            told = (value[rows, at], sd[rows, at], layout.prior[at], layout.prior_sd[at])
+            numbers = [x / t.per for x in told]
+            out.append(Calibrated(t.name, t.unit, t.components, t.constant, time[rows], *numbers))
+    return out
+
+
+def odometry(solution: RoverSolution) -> Odometry:
+    """Mean wheel speed as recorded, velocity of the wheels' centroid as corrected."""
+    wheels = solution.problem.wheels
+    every = max(1, round(ODOMETER_S / float(np.median(np.diff(wheels.time)))))
+    time, v_b = wheels.time[::every], wheels.motion.v_b[::every]
+    segment_time = solution.problem.nodes.segment_time
+    slips = solution.estimate.calibration[:, solution.problem.layout.column("slip_coefficient")]
+    k = np.interp(time, segment_time, slips)
+    return Odometry(time, v_b[:, 1], k * v_b[:, 0], k * v_b[:, 1])
+
+
+def wheel_events(solution: RoverSolution) -> list[Event]:
+    """Spells in which one wheel spun or was blocked, by wheel."""
+    wheels = solution.problem.wheels
+    clear = wheels.motion.speed > 10 * STILL
+    found = []
+    for i in range(6):
+        doubted = (wheels.motion.weight_roll[:, i] < DOUBTED) & clear
+        for first, last in _spans(doubted):
+            start, end = float(wheels.time[first]), float(wheels.time[last])
+            excess = wheels.motion.residual[first : last + 1, i, 0]
+            share = float(np.median(excess / wheels.motion.speed[first : last + 1]))
+            if end - start >= EPISODE_S and abs(share) > EPISODE_SHARE:
+                peak = float(excess[np.argmax(np.abs(excess))])
+                kind = "wheel_spin" if peak > 0 else "wheel_lock"
+                found.append(Event(start, end, kind, f"wheel_{i + 1}", peak))
+    return sorted(found, key=lambda e: e.start)
+
+
+def verdicts(solution: RoverSolution) -> list[str]:
+    """What the reader of the result should know."""
+    problem, said = solution.problem, []
+    if problem.run.heading is None:
+        said.append("no heading sensor: heading rests on the start and the wheels")
+    if problem.inc is None and problem.run.accelerometer is None:
+        said.append("no accelerometer: the rover is taken to drive on level ground")
+    column = problem.layout.column("slip_coefficient")
+    k = solution.estimate.calibration[:, column]
+    seen = " and ".join(t.side for t in solution.tracks)
+    how = f"felt from the ground's profile under the {seen} wheels" if seen else "not felt directly"
+    said.append(f"slip coefficient {k.min():.2f} to {k.max():.2f}, mean {k.mean():.3f}; {how}")
+    for e in wheel_events(solution):
+        clock = e.start + problem.run.clock_start
+        what = "spun" if e.kind == "wheel_spin" else "was slower than the rover"
+        said.append(f"{e.axis} {what} for {e.end - e.start:.0f} s from {clock:.0f}")
+    return said

@@ -1,0 +1,122 @@
+"""When a stream has seen enough to align, and with what."""
+
+from pathlib import Path
+
+import numpy as np
+
+from graphnav.common.errors import InputError
+from graphnav.common.run import Run
+from graphnav.graph import calibrations
+from graphnav.graph.preparation import (
+    Prepared,
+    inertial_noise,
+    params,
+    standing_start,
+    two_sided,
+)
+from graphnav.inertial.alignment import LEVELLING_S, Alignment, align
+from graphnav.reading.vehicle import Vehicle
+from graphnav.recognition.corrections import Correction, correction_table
+from graphnav.stream.aiding import Aiding, usual_fix
+from graphnav.stream.intake import Sensors
+
+LONGEST_REST_S = 120.0  # of a standing start that is waited for before aligning
+FEW_FIXES, FIXES_WITHIN_S = 10, 30.0  # fixes that make the origin, waited for so long
+
+
+class Initialisation:
+    """Tries the batch's alignment second by second of the recording until it succeeds."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        table: dict[str, Correction] | None,
+        sensors: Sensors,
+        aiding: Aiding,
+        expects_fixes: bool,
+        interval: float,
+    ) -> None:
+        self._vehicle, self._table, self._interval = vehicle, table, interval
+        self._sensors, self._aiding = sensors, aiding
+        self._expects_fixes = expects_fixes
+        self._looked = 0.0  # s, until when it was tried
+        self.why: InputError | None = None  # it was not possible
+
+    def attempt(self, ready: int, last: bool = False) -> Prepared | None:
+        """The alignment with all that goes with it, once possible with the judged increments.
+
+        `last`: there will be no more, nothing is waited for.
+        """
+        edge = self._sensors.inertial.edge.rows
+        while ready and edge[ready] - edge[0] >= self._looked + 1.0:
+            self._looked += 1.0
+            until = int(np.searchsorted(edge, edge[0] + self._looked - 1e-9))
+            found = self._tried(until, waits=True)
+            if found is not None:
+                return found
+        return self._tried(ready, waits=False) if last and ready else None
+
+    def _tried(self, until: int, waits: bool) -> Prepared | None:
+        """The alignment with the first `until` increments, unless more is worth waiting for."""
+        edge = self._sensors.inertial.edge.rows
+        run = self._so_far(float(edge[until]))
+        inc = self._sensors.inertial.between(0, until)
+        rested = standing_start(self._sensors.rest.spans(edge, until), inc)
+        if waits and self._waits(run, rested, until):
+            return None
+        try:
+            return self._prepared(run, align(run, self._vehicle, inc, rested))
+        except InputError as error:
+            self.why = error
+            return None
+
+    def _waits(self, run: Run, rested: float, until: int) -> bool:
+        """Whether more is worth waiting for: the end of a rest, levelling, more fixes."""
+        if (
+            self._sensors.rest.still.rows[until - 1]
+            and rested == self._sensors.inertial.edge.rows[until]
+        ):
+            return self._looked < LONGEST_REST_S
+        few = run.gnss is not None and len(run.gnss.time) < FEW_FIXES
+        if few and self._looked < FIXES_WITHIN_S:
+            return True
+        return rested == 0 and self._looked < LEVELLING_S
+
+    def _so_far(self, until: float) -> Run:
+        """What came until a time, as a run."""
+        gnss, heading = self._aiding.until(until)
+        return Run(
+            path=Path("stream"),
+            clock_start=0.0,
+            end=until,
+            imu=None,
+            odometer=self._sensors.odometer.around(0.0, until),
+            sides=self._sensors.sides.around(0.0, until),
+            gnss=gnss,
+            heading=heading,
+            rover=None,
+        )
+
+    def _prepared(self, run: Run, alignment: Alignment) -> Prepared:
+        """What the factors need beside the sensors, which come interval by interval."""
+        gnss, vehicle = run.gnss, self._vehicle
+        both = two_sided(run, vehicle)
+        table = self._table or correction_table(params(vehicle, both))
+        if gnss is None and self._expects_fixes:
+            gnss = usual_fix(vehicle.gnss.sd)
+        return Prepared(
+            recorded=run,
+            run=run,
+            vehicle=vehicle,
+            inc=self._sensors.inertial.between(0, 1),
+            noise=inertial_noise(vehicle),
+            still=np.zeros(1, bool),
+            rests=np.zeros((0, 2)),
+            alignment=alignment,
+            table=table,
+            layout=calibrations.layout(vehicle, table, gnss, both),
+            gnss=None,
+            fixes_n=np.zeros((0, 3)),
+            rocking=np.zeros(3),
+            interval=self._interval,
+        )

@@ -1,0 +1,106 @@
+"""The nodes of a stream so far: where they stand, and what the sensors said between them."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from factors.block import Index
+from graphnav.common.growing_array import GrowingArray
+from graphnav.graph.estimate import Estimate
+from graphnav.graph.nodes import SEGMENT_S, Nodes
+from graphnav.graph.preparation import Prepared
+from graphnav.graph.problem import Problem, build
+from graphnav.recognition.timeline import Timeline
+from graphnav.stream.aiding import Aid, joined
+from graphnav.stream.intake import Sensors
+
+
+class NodeLog:
+    """Nodes 0 to `last` with their intervals' motion states and calibration segments."""
+
+    def __init__(self, prep: Prepared, sensors: Sensors) -> None:
+        """`prep` carries alignment, noise and layout; its sensors are those of each interval."""
+        self.prep, self._sensors = prep, sensors
+        self.edge, self.time = GrowingArray(), GrowingArray()
+        self.segment, self.segment_time = (
+            GrowingArray(),
+            GrowingArray(),
+        )  # of each interval; of each segment
+        self.states: list[str] = []  # of each interval
+        self.scales: dict[str, float] = {}  # noise found so far over noise assumed
+        self._aids: list[Aid] = []  # of each node
+        self._place(0, Aid())
+        self.segment_time.push(float(self.time.rows[0]) + 0.5 * SEGMENT_S)
+
+    @property
+    def last(self) -> int:
+        """Number of the newest node."""
+        return len(self.time) - 1
+
+    def extend(self, edge: int, state: str, aid: Aid) -> bool:
+        """A node at an edge; whether a new calibration segment begins with its interval."""
+        start = float(self.time.rows[0])
+        number = (float(self.time.rows[-1]) - start + 1e-6) // SEGMENT_S
+        middle = start + (number + 0.5) * SEGMENT_S
+        new = bool(middle > self.segment_time.rows[-1] + 1e-6)
+        if new:
+            self.segment_time.push(middle)
+        self.segment.push(len(self.segment_time) - 1)
+        self.states.append(state)
+        self._place(edge, aid)
+        return new
+
+    def _place(self, edge: int, aid: Aid) -> None:
+        self.edge.push(edge)
+        self.time.push(self._sensors.inertial.edge.rows[edge])
+        self._aids.append(aid)
+
+    def segments(self, first: int, last: int) -> slice:
+        """Segments in force from node `first` to node `last`, or before a single node."""
+        if not len(self.segment):
+            return slice(0, 1)
+        s = self.segment.rows
+        start = first if first < last else max(first - 1, 0)
+        return slice(int(s[start]), int(s[max(last - 1, 0)]) + 1)
+
+    def segment_of(self, first: int, last: int) -> Index:
+        """The segment in force in each interval between two nodes."""
+        return self.segment.rows[first:last].astype(np.int64)
+
+    def nodes(self, first: int, last: int) -> Nodes:
+        """Nodes `first` to `last`, segments numbered from the first of them."""
+        edge = self.edge.rows[first : last + 1].astype(np.int64)
+        segment = self.segment_of(first, last)
+        middle = self.segment_time.rows[self.segments(first, last)]
+        return Nodes(edge - edge[0], self.time.rows[first : last + 1], segment - segment[0], middle)
+
+    def sensed(self, first: int, last: int) -> tuple[Prepared, Nodes]:
+        """What the sensors said between two nodes."""
+        nodes, heard = self.nodes(first, last), self._sensors
+        a, b = int(self.edge.rows[first]), int(self.edge.rows[last])
+        span = float(nodes.time[0]), float(nodes.time[-1])
+        gnss, fixes_n, heading = joined(self._aids[first + 1 if first else 0 : last + 1])
+        run = replace(
+            self.prep.run,
+            odometer=heard.odometer.around(*span),
+            sides=heard.sides.around(*span),
+            gnss=gnss,
+            heading=heading,
+        )
+        prep = replace(
+            self.prep,
+            run=run,
+            inc=heard.inertial.between(a, b),
+            still=heard.rest.still.rows[a:b] > 0,
+            gnss=gnss,
+            fixes_n=fixes_n,
+        )
+        return prep, nodes
+
+    def problem(self, first: int, last: int, at: Estimate) -> Problem:
+        """The batch's factors between two nodes, increments integrated with the biases of `at`."""
+        prep, nodes = self.sensed(first, last)
+        t, names = nodes.time, np.array(self.states[first:last])
+        return build(
+            prep, nodes, Timeline(t[:-1], t[1:], names, np.ones(len(names))), at, self.scales
+        )

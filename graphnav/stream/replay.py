@@ -1,0 +1,175 @@
+"""`--mode incremental`: the run replayed through the streaming smoother, beside the batch.
+
+The stream says what the vehicle knew at every node. What is known now is the batch's answer; how
+far iSAM2's own is from the batch solution of the same factors is told with it.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from factors.block import POSITION
+from graphnav.batch.smoother import Smoothed
+from graphnav.batch.smoother import smooth as smooth_batch
+from graphnav.common.run import Array, Run
+from graphnav.common.worker_process import WorkerProcess
+from graphnav.graph.elimination import step
+from graphnav.graph.preparation import Prepared
+from graphnav.graph.robust_schedule import FIRST
+from graphnav.graph.solve import square_root
+from graphnav.stream.causal_estimate import CausalEstimate
+from graphnav.stream.incremental_graph import IncrementalGraph
+from graphnav.stream.smoother import Smoother
+
+PIECE_S = 20.0  # of the recording given to the stream at a time
+THOUSAND = 1000
+STRAYED_M = 1.0  # of iSAM2's last estimate from the batch's, at least, that is worth telling
+
+
+@dataclass(frozen=True)
+class Replayed:
+    """A run as it was known while it was driven, and as it is known now."""
+
+    smoothed: Smoothed
+    known: list[CausalEstimate]  # by node, in order of time
+    solver: dict[str, Any]  # for summary.json
+    peak_memory_mb: float  # of the replay
+
+
+def smooth(
+    prep: Prepared, lag: float | None = None, told: Callable[[str], None] = lambda _: None
+) -> Replayed:
+    """Replay a run in another process while this one smooths it; `lag` s as in `Smoother`.
+
+    Raises InputError when the stream never learns where it starts, though the batch might.
+    """
+    with WorkerProcess(f"{__name__}:known_and_solver") as stream:
+        stream.call(prep, lag)
+        smoothed = smooth_batch(prep, told)
+        told("incremental")
+        known, solver = stream.result()
+    return Replayed(smoothed, known, solver, stream.peak_memory_mb)
+
+
+def known_and_solver(
+    prep: Prepared, lag: float | None
+) -> tuple[list[CausalEstimate], dict[str, Any]]:
+    """What the stream knew at each node and how it fared, for summary.json."""
+    began = perf_counter()
+    stream = replayed(prep, lag)
+    took = perf_counter() - began
+    assert stream.graph is not None
+    return stream.history, latencies(stream.history) | {
+        "incremental_s": round(took, 3),
+        "isam_minus_batch_max_m": distance_from_batch(stream.graph),
+        "lag_s": lag,
+        "nodes_incremental": stream.graph.last + 1,
+    }
+
+
+def verdicts(replayed: Replayed) -> list[str]:
+    """Whether the stream lost its way, for the user to read."""
+    apart = replayed.solver["isam_minus_batch_max_m"]
+    usual = float(np.median([np.hypot(*k.sd_enu[:2]) for k in replayed.known] or [0.0]))
+    if apart < max(usual, STRAYED_M):
+        return []
+    return [
+        f"the stream ended up to {apart:.1f} m from the batch solution of its own factors: do not "
+        "rely on trajectory_causal.parquet"
+    ]
+
+
+def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoother:
+    """The stream after all samples of a run in pieces of some seconds, IMU last."""
+    run = prep.run
+    assert run.imu is not None
+    imu = prep.vehicle.imu.model_copy(update={"axes": "RFU"})  # axes are turned already
+    vehicle = prep.vehicle.model_copy(update={"imu": imu})
+    stream = Smoother(
+        vehicle,
+        lag=lag,
+        table=prep.table,
+        fixes=prep.gnss is not None,
+        interval=prep.interval,
+        clock=0.0,
+    )
+    for start, end in pairwise(np.arange(-piece, run.end + piece, piece).tolist()):
+        _give(stream, run, start, end)
+    stream.finish()
+    return stream
+
+
+def _give(stream: Smoother, run: Run, start: float, end: float) -> None:
+    """What every sensor saw in (start, end]."""
+
+    def inside(time: Array) -> slice:
+        return slice(*np.searchsorted(time, [start, end], side="right").tolist())
+
+    odometer, gnss, heading, imu = run.odometer, run.gnss, run.heading, run.imu
+    if odometer is not None:
+        on = inside(odometer.time)
+        if odometer.pulse:
+            counts = odometer.distance[on] / odometer.pulse
+            stream.add_odometer(odometer.time[on], pulses=counts)
+        else:
+            stream.add_odometer(odometer.time[on], speed=odometer.speed[on])
+    if run.sides is not None:
+        on = inside(run.sides.time)
+        stream.add_sides(run.sides.time[on], run.sides.left[on], run.sides.right[on])
+    if gnss is not None:
+        on = inside(gnss.time)
+        stream.add_gnss(
+            gnss.time[on], gnss.lat_deg[on], gnss.lon_deg[on], gnss.height[on], gnss.sd_enu[on]
+        )
+    if heading is not None:
+        on = inside(heading.time)
+        stream.add_heading(heading.time[on], np.rad2deg(heading.heading[on]))
+    assert imu is not None
+    on = inside(imu.time)
+    stream.add_imu(imu.time[on], imu.gyro[on], imu.accel[on])
+
+
+def distance_from_batch(graph: IncrementalGraph) -> float:
+    """How far the batch would still move iSAM2's estimate with the same factors, m, at most."""
+    estimate = graph.everything()
+    problem = graph.whole(estimate)
+    net = square_root(problem.linearise(estimate), problem.chain, FIRST)
+    nodes, _ = step(net, problem.chain)
+    return float(np.linalg.norm(nodes[:, POSITION], axis=1).max())
+
+
+def latencies(known: list[CausalEstimate]) -> dict[str, Any]:
+    """Milliseconds an update took."""
+    ms = 1e3 * np.array([k.latency for k in known])
+    if not len(ms):
+        return {}
+    few = max(1, min(THOUSAND, len(ms) // 2))
+    return {
+        "updates": len(ms),
+        "median_ms": round(float(np.median(ms)), 3),
+        "p99_ms": round(float(np.percentile(ms, 99)), 3),
+        "first_thousand_ms": round(float(np.median(ms[:few])), 3),
+        "last_thousand_ms": round(float(np.median(ms[-few:])), 3),
+    }
+
+
+def causal(replayed: Replayed, prep: Prepared) -> dict[str, Array]:
+    """Columns of trajectory_causal.parquet: what was known at each node, in the result's frame."""
+    known, origin = replayed.known, prep.alignment.origin
+    x_e = np.array([k.origin.x_e + k.origin.R_en @ k.p_n for k in known]).reshape(-1, 3)
+    p_n = (x_e - origin.x_e) @ origin.R_en
+    sd = np.array([k.sd_enu for k in known]).reshape(-1, 3)
+    return {
+        "time": np.array([k.time for k in known]) + prep.run.clock_start,
+        "e": p_n[:, 0],
+        "n": p_n[:, 1],
+        "u": p_n[:, 2],
+        "heading_deg": np.array([k.heading_deg for k in known]),
+        "sd_e": sd[:, 0],
+        "sd_n": sd[:, 1],
+        "latency_ms": 1e3 * np.array([k.latency for k in known]),
+    }

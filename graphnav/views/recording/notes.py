@@ -1,0 +1,51 @@
+"""The words inside a recording: verdicts, warnings, figures and how to read the drawing."""
+
+from graphnav.result.result_directory import Results
+from graphnav.views.recording.entry import Entry, static
+from graphnav.views.recording.paths import exaggeration
+
+FIGURES = (
+    ("horizontal_rms_m", "horizontal error, RMS", "m"),
+    ("horizontal_max_m", "horizontal error, largest", "m"),
+    ("horizontal_end_m", "horizontal error at the end", "m"),
+    ("permille_of_distance", "of the distance", "‰"),
+    ("heading_rms_deg", "heading error, RMS", "deg"),
+)
+
+
+def entries(results: Results) -> list[Entry]:
+    """One static text document, `/summary`."""
+    import rerun as rr
+
+    return static("/summary", rr.TextDocument(_text(results), media_type="text/markdown"))
+
+
+def _text(results: Results) -> str:
+    summary = results.summary
+    lines = [f"# {results.title}"]
+    distance, duration = summary.get("distance_m"), summary.get("duration_s")
+    if distance is not None and duration is not None:
+        lines.append(f"{distance / 1000:.2f} km in {duration:.0f} s")
+    lines += _bullets("Verdicts", summary.get("verdicts", []))
+    lines += _bullets("Warnings", summary.get("warnings", []))
+    against = summary.get("comparison") or summary
+    told = [(label, against[key], unit) for key, label, unit in FIGURES if _number(against, key)]
+    lines += _bullets("Against truth", [f"{label}: {v:.3g} {unit}" for label, v, unit in told])
+    lines += _bullets(
+        "How to read it",
+        [
+            f"Time 0 is {results.clock_start:g} s on the run file's own clock.",
+            f"Ellipses in the overview are 3σ, drawn {exaggeration(results):g} times their size.",
+            "Bands are ±3σ. Red crosses are measurements the robust loss turned down.",
+            "The map view asks tile servers for the place of the run; it is off until you open it.",
+        ],
+    )
+    return "\n".join(lines)
+
+
+def _number(table: dict[str, object], key: str) -> bool:
+    return isinstance(table.get(key), int | float)
+
+
+def _bullets(heading: str, items: list[str]) -> list[str]:
+    return [f"\n## {heading}", *(f"- {item}" for item in items)] if items else []
