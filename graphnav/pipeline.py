@@ -102,12 +102,12 @@ def solve(
 
         replay = incremental.smooth(prep, lag, told)
         told.beside(replay.peak_memory_mb, since="dead reckoning")
-        solved = finish(replay.smoothed)
+        solved = finish(replay.smoothed, run)
         known = incremental.causal(replay, prep)
         said = solved.verdicts + incremental.verdicts(replay)
         solver = solved.solver | replay.solver
         return replace(solved, solver=solver, causal=known, verdicts=said)
-    return finish(smooth_prepared(prep, told))
+    return finish(smooth_prepared(prep, told), run)
 
 
 def write(

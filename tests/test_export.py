@@ -182,7 +182,7 @@ def test_an_unknown_format_names_the_nearest(loaded: results.Results, tmp_path: 
 
 
 def test_heavy_libraries_are_imported_only_where_used() -> None:
-    code = "import sys, graphnav.export, graphnav.views.recording, graphnav.views.report, graphnav.views.show;"
+    code = "import sys, graphnav.export; from graphnav.views import recording, report, show;"
     code += (
         "print([m for m in ('rerun','pandas','matplotlib','fastkml','jinja2') if m in sys.modules])"
     )

@@ -15,7 +15,7 @@ from graphnav import Smoother
 from graphnav.batch.smoother import smooth
 from graphnav.cli.cli import main
 from graphnav.common.errors import InputError
-from graphnav.common.run import Array
+from graphnav.common.run import Array, Run
 from graphnav.graph.preparation import Prepared, prepare
 from graphnav.inertial.increments import increments
 from graphnav.reading.read import read_run
@@ -57,9 +57,13 @@ def positions(stream: Smoother) -> tuple[Array, Array]:
     return np.array([k.time for k in stream.history]), np.array([k.p_n for k in stream.history])
 
 
+def with_run(prep: Prepared, run: Run) -> Prepared:
+    return replace(prep, sensed=replace(prep.sensed, run=run))
+
+
 def cut(prep: Prepared, end: float) -> Prepared:
     """The same run, recorded until `end` only."""
-    run = prep.run
+    run = prep.sensed.run
     i, o, g = (np.searchsorted(s.time, end, "right") for s in (run.imu, run.odometer, run.gnss))
     sensors = {
         name: type(s)(*(v[:n] if np.ndim(v) else v for v in vars(s).values()))
@@ -69,7 +73,7 @@ def cut(prep: Prepared, end: float) -> Prepared:
             ("gnss", run.gnss, g),
         )
     }
-    return replace(prep, run=replace(run, end=end, **sensors))
+    return with_run(prep, replace(run, end=end, **sensors))
 
 
 def test_an_estimate_never_changes_by_what_is_recorded_later(
@@ -152,7 +156,7 @@ def test_known_later_is_known_better(prep: Prepared, stream: Smoother) -> None:
 
 
 def test_increments_of_a_stream_are_those_of_the_run(prep: Prepared) -> None:
-    imu = prep.run.imu
+    imu = prep.sensed.run.imu
     assert imu is not None
     inertial = Inertial()
     for part in np.array_split(np.arange(1500), [7, 8, 30, 131, 800, 802]):
@@ -166,7 +170,7 @@ def test_increments_of_a_stream_are_those_of_the_run(prep: Prepared) -> None:
 
 
 def test_distance_of_a_stream_is_that_of_the_run(prep: Prepared) -> None:
-    odometer = prep.run.odometer
+    odometer = prep.sensed.run.odometer
     assert odometer is not None and odometer.pulse > 0
     counts, speeds = Distance(odometer.pulse), Distance(0.0)
     for part in np.array_split(np.arange(400), [1, 2, 57, 300]):
@@ -285,20 +289,20 @@ def test_a_gap_of_the_imu_is_doubted_in_the_stream_too(tmp_path: Path) -> None:
     prep, truth = prepared(tmp_path / "run"), pd.read_csv(tmp_path / "run" / "truth.csv.gz")
     stream = incremental.replayed(prep, None)
     last = stream.history[-1]
-    true = prep.alignment.origin.local(
+    true = prep.setup.alignment.origin.local(
         *np.deg2rad(truth[["lat", "lon"]].to_numpy()[-1]), truth["height"].to_numpy()[-1]
     )
     assert np.linalg.norm((last.p_n - true)[:2]) < 4 * np.hypot(*last.sd_enu[:2])
 
 
 def test_an_odometer_that_begins_late_is_heard(prep: Prepared) -> None:
-    run = prep.run
+    run = prep.sensed.run
     assert run.odometer is not None
     on = run.odometer.time > 100.0
     late = replace(
         run.odometer, **{k: getattr(run.odometer, k)[on] for k in ("time", "distance", "speed")}
     )
-    graph = incremental.replayed(replace(prep, run=replace(run, odometer=late)), None).graph
+    graph = incremental.replayed(with_run(prep, replace(run, odometer=late)), None).graph
     assert graph is not None
     kinds = {b.kind for b in graph.whole(graph.everything()).linearise(graph.everything())}
     assert "displacement" in kinds
@@ -352,7 +356,7 @@ def test_both_sides_take_part_in_the_stream(tmp_path: Path) -> None:
     prep = prepare(read_run(path, vehicle), vehicle, use_gnss=True, outages=())
     graph = incremental.replayed(prep, None).graph
     assert graph is not None
-    column = prep.layout.column("track_width")
+    column = prep.setup.layout.column("track_width")
     assert graph.everything().calibration[-1, column] == pytest.approx(width, abs=0.2)
     kinds = {block.kind for block in graph.whole(graph.everything()).linearise(graph.everything())}
     assert "track_width" in kinds

@@ -84,7 +84,9 @@ def least_squares(prep: Prepared, reference: Smoothed) -> Smoothed:
     problem = build(prep, nodes, reference.timeline, at, {})
     solution = gauss_newton(problem.linearise, at, problem.chain, {})
     found = covariances(solution.bayes_net, problem.chain)
-    path = densify(prep.inc, problem.pre, problem.nodes, solution.estimate, prep.alignment.origin)
+    path = densify(
+        prep.sensed.inc, problem.pre, problem.nodes, solution.estimate, prep.setup.alignment.origin
+    )
     return replace(
         reference,
         prep=prep,
@@ -98,7 +100,7 @@ def least_squares(prep: Prepared, reference: Smoothed) -> Smoothed:
 
 def _restarted(estimate: Estimate, prep: Prepared) -> Estimate:
     """An estimate with the calibrations of another table at their priors."""
-    calibration = np.tile(prep.layout.prior, (len(estimate.calibration), 1))
+    calibration = np.tile(prep.setup.layout.prior, (len(estimate.calibration), 1))
     calibration[:, :6] = estimate.calibration[:, :6]
     return replace(estimate, calibration=calibration)
 
@@ -121,11 +123,11 @@ def ablation(run: Run, vehicle: Vehicle, truth: DataFrame | None) -> dict[str, d
         "robust, paper's constants": smooth(prepared(held(table))),
         "robust, ground learnt": learnt,
     }
-    found = {k: DataFrame(trajectory.table(finish(s), 10.0)) for k, s in solved.items()}
+    found = {k: DataFrame(trajectory.table(finish(s, run), 10.0)) for k, s in solved.items()}
     if truth is None:
         truth = found.pop("robust, ground learnt")[["time", "lat", "lon", "height"]]
     where = truth[["time", "lat", "lon", "height"]]
-    reckoned = positions(learnt.reckoned, learnt.prep.alignment.origin, run.clock_start)
+    reckoned = positions(learnt.reckoned, learnt.prep.setup.alignment.origin, run.clock_start)
     figures = {"dead reckoning": compare(reckoned, where).as_dict()}
     return figures | {name: compare(each, truth).as_dict() for name, each in found.items()}
 

@@ -43,18 +43,18 @@ LLA = ["lat", "lon", "alt"]
 
 def kalman(prep: Prepared, scale: float) -> DataFrame:
     """Positions of pyins' feedback filter on the run's clock."""
-    run, imu, start = prep.run, prep.run.imu, prep.alignment.start
+    run, imu, start = prep.sensed.run, prep.sensed.run.imu, prep.setup.alignment.start
     assert imu is not None
     rates = np.concatenate([imu.gyro @ FRD, imu.accel @ FRD], 1)
     time = imu.time + run.clock_start
     names = [f"{sensor}_{axis}" for sensor in ("gyro", "accel") for axis in "xyz"]
     samples = DataFrame(rates, index=Index(time, name="time"), columns=names)
     increments = strapdown.compute_increments_from_imu(samples, "rate")
-    lla = prep.alignment.origin.geodetic(start.p_n)
+    lla = prep.setup.alignment.origin.geodetic(start.p_n)
     roll, pitch, heading = (float(np.rad2deg(a)) for a in angles_of_rotation(start.R_nb))
     values = [*np.rad2deg(lla[:2]), lla[2], *_velocity(prep), roll, pitch, heading]
     pva = DataFrame([values], index=[time[0]], columns=TRAJECTORY_COLS).iloc[0]
-    spec = prep.vehicle.imu
+    spec = prep.setup.vehicle.imu
     gyro = EstimationModel(spec.gyro_bias_deg_h * DEG / 3600, spec.gyro_noise_deg_sqrt_h * DEG / 60)
     accel = EstimationModel(
         spec.accel_bias_mg * 9.80665e-3, spec.accel_noise_mg_sqrt_hz * 9.80665e-3
@@ -69,22 +69,24 @@ def kalman(prep: Prepared, scale: float) -> DataFrame:
 
 def _velocity(prep: Prepared) -> Array:
     """North, east, down at the start: the odometer's, along the heading."""
-    odometer = prep.run.odometer
-    speed = 0.0 if odometer is None else float(speed_at(odometer, prep.inc.edge[:1], 0.25)[0])
-    east, north, up = prep.alignment.start.R_nb[:, 1] * speed
+    odometer = prep.sensed.run.odometer
+    speed = (
+        0.0 if odometer is None else float(speed_at(odometer, prep.sensed.inc.edge[:1], 0.25)[0])
+    )
+    east, north, up = prep.setup.alignment.start.R_nb[:, 1] * speed
     return np.array([north, east, -up])
 
 
 def _measured(prep: Prepared, scale: float) -> list[measurements.Measurement]:
     """Fixes and, once a second, the odometer with the non-holonomic constraint."""
     found = []
-    gnss, odometer = prep.gnss, prep.run.odometer
-    clock = prep.run.clock_start
+    gnss, odometer = prep.sensed.gnss, prep.sensed.run.odometer
+    clock = prep.sensed.run.clock_start
     if gnss is not None:
         columns = np.stack([gnss.lat_deg, gnss.lon_deg, gnss.height], -1)
         fixes = DataFrame(columns, index=gnss.time + clock, columns=LLA)
         sd = max(float(np.median(gnss.sd_enu[:, :2])), GNSS_FLOOR)
-        found.append(measurements.Position(fixes, sd, FRD @ prep.vehicle.gnss.lever_b))
+        found.append(measurements.Position(fixes, sd, FRD @ prep.setup.vehicle.gnss.lever_b))
     if odometer is not None:
         at = np.arange(odometer.time[0], odometer.time[-1]) if gnss is None else gnss.time
         forward = scale * speed_at(odometer, at)
@@ -130,11 +132,11 @@ def main() -> None:
         smoothed = smooth(prep)
     except GraphnavError as error:
         raise SystemExit(f"peers: {error}") from None
-    origin, clock = prep.alignment.origin, run.clock_start
+    origin, clock = prep.setup.alignment.origin, run.clock_start
     rows = {
         "dead reckoning": positions(smoothed.reckoned.time + clock, smoothed.reckoned.p_n, origin),
         "pyins, Kalman filter": kalman(prep, options.odometer_scale),
-        "graphnav": DataFrame(trajectory.table(finish(smoothed), 10.0)),
+        "graphnav": DataFrame(trajectory.table(finish(smoothed, run), 10.0)),
     }
     table = Table(box=MARKDOWN)
     for title in ("", "rms [m]", "max [m]", "end [m]", "outage ends, median [m]"):

@@ -47,7 +47,7 @@ def main() -> None:
     for path in parser.parse_args().runs:
         vehicle = load_vehicle(None, path)
         prep = prepare(read_run(path, vehicle), vehicle, use_gnss=True, outages=())
-        spans = _episodes(path.parent / "truth_calibration.json", prep.run.clock_start)
+        spans = _episodes(path.parent / "truth_calibration.json", prep.sensed.run.clock_start)
         for name, weights in (("plain", PLAIN), ("robust", (FIRST, FINAL))):
             s = score(prep, weights, path.parent / "truth.csv.gz", spans)
             print(
@@ -60,7 +60,7 @@ def score(
     prep: Prepared, weights: tuple[Weights, Weights], truth_path: Path, spans: Array
 ) -> Score:
     """Solve with the given weights and hold it against truth."""
-    solved = finish(smooth(prep, robust=weights))
+    solved = finish(smooth(prep, robust=weights), prep.sensed.run)
     t, error_v, error_p = _errors(solved, truth_path)
     inside = np.zeros(len(t), bool)
     for start, end in spans:

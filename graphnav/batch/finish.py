@@ -5,42 +5,45 @@ import numpy as np
 from factors import so3
 from graphnav.batch.learnt import calibrated, verdicts
 from graphnav.batch.smoother import Smoothed
-from graphnav.common.run import Array
+from graphnav.common.earth import Origin
+from graphnav.common.run import Array, Run
 from graphnav.graph.kinematics import kinematics
 from graphnav.graph.motion import driven
 from graphnav.result.solved import Odometry, Solved
 
 
-def finish(smoothed: Smoothed) -> Solved:
-    """Everything the writers need of a smoothed run."""
+def finish(smoothed: Smoothed, recorded: Run) -> Solved:
+    """Everything the writers need of a smoothed run; `recorded` as it was read, all fixes in it."""
     prep, problem, estimate = smoothed.prep, smoothed.problem, smoothed.estimate
-    origin = prep.alignment.origin
+    origin = prep.setup.alignment.origin
     found = calibrated(smoothed)
-    layout = prep.layout
+    layout = prep.setup.layout
     pitch, heading = estimate.calibration[-1, layout.slices["mounting"]]
-    R_bm = so3.exp(np.array([pitch, prep.vehicle.odometer.mount_b[1], heading]))
+    R_bm = so3.exp(np.array([pitch, prep.setup.vehicle.odometer.mount_b[1], heading]))
     return Solved(
-        run=prep.recorded,
-        vehicle=prep.vehicle,
+        run=recorded,
+        vehicle=prep.setup.vehicle,
         origin=origin,
         path=smoothed.path,
         R_bm=R_bm,
         node_time=problem.nodes.time,
         node_covariance=smoothed.covariances.nodes[:, :9, :9],
-        timeline=smoothed.timeline.covering(float(prep.inc.edge[0]), float(prep.inc.edge[-1])),
+        timeline=smoothed.timeline.covering(
+            float(prep.sensed.inc.edge[0]), float(prep.sensed.inc.edge[-1])
+        ),
         calibrated=found,
         blocks=smoothed.solution.blocks,
         weights=smoothed.solution.weights,
         reckoned=smoothed.reckoned,
         odometry=_odometry(smoothed, R_bm),
-        fixes_n=_fixes(smoothed),
-        rests=prep.rests,
+        fixes_n=_fixes(recorded, origin),
+        rests=prep.sensed.rests,
         solver={
             "iterations": smoothed.iterations,
             "rounds": smoothed.rounds,
             "cost": smoothed.solution.cost,
             "nodes": len(problem.nodes.time),
-            "heading_source": prep.alignment.source,
+            "heading_source": prep.setup.alignment.source,
             "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
         },
         verdicts=verdicts(found, smoothed),
@@ -50,28 +53,28 @@ def finish(smoothed: Smoothed) -> Solved:
 
 def _gaps(smoothed: Smoothed) -> Array | None:
     """Spans in which the IMU was silent and what it may have missed, (G, 4)."""
-    inc = smoothed.prep.inc
+    inc = smoothed.prep.sensed.inc
     if inc.doubt is None:
         return None
     on = np.flatnonzero(inc.doubt.any(axis=1))
     return np.column_stack([inc.edge[on], inc.edge[on + 1], inc.doubt[on]])
 
 
-def _fixes(smoothed: Smoothed) -> Array:
+def _fixes(recorded: Run, origin: Origin) -> Array:
     """Every fix of the file in n, (F, 3) m."""
-    gnss = smoothed.prep.recorded.gnss
+    gnss = recorded.gnss
     if gnss is None:
         return np.zeros((0, 3))
     lat, lon = np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg)
-    return smoothed.prep.alignment.origin.local(lat, lon, gnss.height)
+    return origin.local(lat, lon, gnss.height)
 
 
 def _odometry(smoothed: Smoothed, R_bm: Array) -> Odometry | None:
     """Raw odometer speed and what the learnt corrections make of it, at 10 Hz."""
     prep, estimate = smoothed.prep, smoothed.estimate
-    if prep.run.odometer is None:
+    if prep.sensed.run.odometer is None:
         return None
-    nodes, layout = smoothed.problem.nodes, prep.layout
+    nodes, layout = smoothed.problem.nodes, prep.setup.layout
     path = smoothed.path
     motion = kinematics(prep, path, estimate, nodes)
     names = driven(prep, smoothed.timeline.state_at(motion.time))
@@ -85,8 +88,8 @@ def _odometry(smoothed: Smoothed, R_bm: Array) -> Odometry | None:
     scale = 1 + np.interp(motion.time, nodes.segment_time, scale_column)
     v_x, v_y = np.zeros(len(names)), np.full(len(names), np.nan)
     for state in np.unique(names):
-        row, on = prep.table[str(state)], names == state
-        length = prep.vehicle.body.contact_length
+        row, on = prep.setup.table[str(state)], names == state
+        length = prep.setup.vehicle.body.contact_length
         v_x[on] = -learnt("lateral", str(state), row.kappa * length) * motion.yaw_rate[on]
         if row.use_odometer:
             factor = learnt("forward", str(state), row.factor)

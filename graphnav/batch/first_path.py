@@ -20,12 +20,14 @@ def first_path(prep: Prepared, nodes: Nodes) -> tuple[Estimate, Path]:
     Attitude from the gyro; motion from the odometer, without one from the accelerometer held along
     the vehicle's forward axis.
     """
-    origin, start = prep.alignment.origin, prep.alignment.start
-    calibration = np.tile(prep.layout.prior, (len(nodes.segment_time), 1))
-    calibration[:, :3] = prep.alignment.gyro_bias
-    pre = preintegrate(prep.inc, nodes.edge, calibration[nodes.segment, :6], prep.noise)
-    R_bm = so3.exp(prep.vehicle.odometer.mount_b)
-    odometer = prep.run.odometer
+    origin, start = prep.setup.alignment.origin, prep.setup.alignment.start
+    calibration = np.tile(prep.setup.layout.prior, (len(nodes.segment_time), 1))
+    calibration[:, :3] = prep.setup.alignment.gyro_bias
+    pre = preintegrate(
+        prep.sensed.inc, nodes.edge, calibration[nodes.segment, :6], prep.setup.noise
+    )
+    R_bm = so3.exp(prep.setup.vehicle.odometer.mount_b)
+    odometer = prep.sensed.run.odometer
     if odometer is None:
         R, v, p = reckoning.inertial_path(pre, start.R_nb, start.v_n, origin, R_bm)
     else:
@@ -34,6 +36,6 @@ def first_path(prep: Prepared, nodes: Nodes) -> tuple[Estimate, Path]:
         blank = Estimate(R, v, v, np.zeros(len(R)), calibration)
         sums = sums_of(prep, nodes, pre, blank)
         ones = np.ones(len(pre.T))
-        p = reckoning.odometer_path(R, sums, R_bm, prep.vehicle.odometer.lever_b, ones)
+        p = reckoning.odometer_path(R, sums, R_bm, prep.setup.vehicle.odometer.lever_b, ones)
     estimate = Estimate(R, v, p + start.p_n, np.zeros(len(R)), calibration)
-    return estimate, densify(prep.inc, pre, nodes, estimate, origin)
+    return estimate, densify(prep.sensed.inc, pre, nodes, estimate, origin)

@@ -18,7 +18,7 @@ SURPRISING = 5.0  # sigma of an odometer's scale
 def calibrated(smoothed: Smoothed) -> list[Calibrated]:
     """Every calibration of a run with its standard deviation and prior."""
     prep, nodes = smoothed.prep, smoothed.problem.nodes
-    layout, chain = prep.layout, smoothed.estimate.calibration
+    layout, chain = prep.setup.layout, smoothed.estimate.calibration
     sd = np.sqrt(np.einsum("kii->ki", smoothed.covariances.calibration))
     out: list[Calibrated] = []
 
@@ -47,11 +47,11 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
 
     add("gyro_bias_deg_h", "deg/h", XYZ, of("gyro_bias"), DEG_H)
     add("accel_bias_mg", "mg", XYZ, of("accel_bias"), MG)
-    if prep.run.odometer is not None:
+    if prep.sensed.run.odometer is not None:
         add("odometer_scale", "1", ("scale",), of("scale"), 1.0)
     add("mounting_deg", "deg", ("pitch", "heading"), of("mounting"), DEG)
     add("lever_arm_m", "m", XYZ, of("lever"), 1.0)
-    if "delay" in layout.slices and prep.run.odometer is not None:
+    if "delay" in layout.slices and prep.sensed.run.odometer is not None:
         add("time_offset_s", "s", ("odometer",), of("delay"), 1.0)
     if "cornering" in layout.slices:
         add("cornering_slip_s", "s", ("tyres",), of("cornering"), 1.0)
@@ -74,7 +74,7 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
     if laterals:
         add("kappa", "1", laterals[0].components,
             [layout.column("lateral:" + s) for s in laterals[0].components],
-            prep.vehicle.body.contact_length)  # fmt: skip
+            prep.setup.vehicle.body.contact_length)  # fmt: skip
     return out
 
 
@@ -107,13 +107,13 @@ def verdicts(found: list[Calibrated], smoothed: Smoothed) -> list[str]:
 def _disagreements(smoothed: Smoothed) -> list[str]:
     """A stated heading the run contradicts, and spans in which fixes were doubted."""
     said = []
-    clock = smoothed.prep.run.clock_start
-    solution, known = smoothed.solution, smoothed.prep.alignment.start
+    clock = smoothed.prep.sensed.run.clock_start
+    solution, known = smoothed.solution, smoothed.prep.setup.alignment.start
     for block, weight in zip(solution.blocks, solution.weights, strict=True):
         if block.kind == "start" and abs(block.residual[0, 2]) > CONTRADICTED:
             off = abs(np.rad2deg(block.residual[0, 2] * known.sd[2]))
             said.append(
-                f"the heading {smoothed.prep.alignment.source} disagrees with the run by "
+                f"the heading {smoothed.prep.setup.alignment.source} disagrees with the run by "
                 f"{off:.2f} deg, {abs(block.residual[0, 2]):.1f} of its sigma"
             )
         if block.kind == "gnss":

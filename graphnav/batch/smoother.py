@@ -57,7 +57,7 @@ def smooth(
     convex first, redescending once the trajectory is near (a graduated schedule).
     """
     told("dead reckoning")
-    nodes = _nodes(prep, np.zeros(0), prep.interval)
+    nodes = _nodes(prep, np.zeros(0), prep.setup.interval)
     estimate, path = first_path(prep, nodes)
     reckoned = path
     told("motion states")
@@ -66,7 +66,9 @@ def smooth(
     scales: dict[str, float] = {}
     stands = False
     for round_ in range(1, MAX_ROUNDS + 1):
-        interval = max(FIRST_INTERVAL_S, prep.interval) if round_ == 1 else prep.interval
+        interval = (
+            max(FIRST_INTERVAL_S, prep.setup.interval) if round_ == 1 else prep.setup.interval
+        )
         nodes_next = _nodes(prep, timeline.boundaries, interval)
         estimate = _moved(estimate, nodes, path, nodes_next)
         nodes = nodes_next
@@ -78,7 +80,7 @@ def smooth(
         solution = gauss_newton(problem.linearise, estimate, problem.chain, weights, tolerance)
         iterations += solution.iterations
         estimate = solution.estimate
-        path = densify(prep.inc, problem.pre, nodes, estimate, prep.alignment.origin)
+        path = densify(prep.sensed.inc, problem.pre, nodes, estimate, prep.setup.alignment.origin)
         told(f"covariances, round {round_}")
         found = covariances(solution.bayes_net, problem.chain)
         if last:
@@ -92,7 +94,7 @@ def smooth(
     told("state probabilities")
     if _has_gears(prep):
         timeline = with_probabilities(
-            timeline, kinematics(prep, path, estimate, nodes), prep.params
+            timeline, kinematics(prep, path, estimate, nodes), prep.setup.params
         )
     return Smoothed(
         prep, problem, solution, timeline, found, reckoned, path, scales, iterations, round_
@@ -101,14 +103,14 @@ def smooth(
 
 def _nodes(prep: Prepared, boundaries: Array, interval: float) -> Nodes:
     """Nodes at the interval, standstill edges, state boundaries and fixes."""
-    edges = prep.inc.edge
-    events = np.concatenate([prep.rests.ravel(), boundaries])
+    edges = prep.sensed.inc.edge
+    events = np.concatenate([prep.sensed.rests.ravel(), boundaries])
     extra = np.zeros(0)
-    for sensor in (prep.gnss, prep.run.heading):
+    for sensor in (prep.sensed.gnss, prep.sensed.run.heading):
         if sensor is not None:
             slot = np.floor(sensor.time / FIX_SPACING_S)
             extra = np.concatenate([extra, sensor.time[np.unique(slot, return_index=True)[1]]])
-    return place_nodes(edges, events, extra, prep.rests, interval)
+    return place_nodes(edges, events, extra, prep.sensed.rests, interval)
 
 
 def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
@@ -127,14 +129,14 @@ def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
 
 def _has_gears(prep: Prepared) -> bool:
     """Whether there are more motion states to tell than stop and moving."""
-    return prep.vehicle.kind == "tracked" and prep.run.odometer is not None
+    return prep.setup.vehicle.kind == "tracked" and prep.sensed.run.odometer is not None
 
 
 def _recognised(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None) -> Timeline:
     """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
     if not _has_gears(prep):
         mid = 0.5 * (path.time[1:] + path.time[:-1])
-        state = np.where(prep.still, "stop", "moving")
+        state = np.where(prep.sensed.still, "stop", "moving")
         timeline = timeline_from_states(mid, state)
         return timeline.covering(float(path.time[0]), float(path.time[-1]))
-    return recognise(kinematics(prep, path, estimate, nodes), prep.params)
+    return recognise(kinematics(prep, path, estimate, nodes), prep.setup.params)

@@ -21,29 +21,29 @@ def kinematics(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | No
     """
     t = np.arange(path.time[0], path.time[-1], 1 / RATE_HZ)
     c = np.median(estimate.calibration, 0)
-    layout = prep.layout
+    layout = prep.setup.layout
     lever = c[layout.slices["lever"]]
     tilt = c[layout.slices["mounting"]]
-    R_mb = so3.exp(np.array([tilt[0], prep.vehicle.odometer.mount_b[1], tilt[1]])).T
+    R_mb = so3.exp(np.array([tilt[0], prep.setup.vehicle.odometer.mount_b[1], tilt[1]])).T
     dt = np.diff(path.time)[:, None]
-    inc = prep.inc
-    R, Omega = path.R_nb[:-1], prep.alignment.origin.Omega_n
+    inc = prep.sensed.inc
+    R, Omega = path.R_nb[:-1], prep.setup.alignment.origin.Omega_n
     rate_b = inc.rotation / dt - c[:3] - so3.mtv(R, np.broadcast_to(Omega, (len(R), 3)))
-    g_n = prep.alignment.origin.gravity(path.p_n[:1])
+    g_n = prep.setup.alignment.origin.gravity(path.p_n[:1])
     force_m = (inc.velocity / dt - c[3:6] + so3.mtv(R, np.broadcast_to(g_n, (len(R), 3)))) @ R_mb.T
     v_m = (so3.mtv(R, path.v_n[:-1]) + so3.cross(rate_b, lever)) @ R_mb.T
     mid = 0.5 * (path.time[1:] + path.time[:-1])
 
-    assert prep.run.odometer is not None
+    assert prep.sensed.run.odometer is not None
     delay = c[layout.slices["delay"]][0] if "delay" in layout.slices else 0.0
     sd = np.full(len(t), np.inf if nodes is None else SPEED_SD)
     return Kinematics(
         time=t,
         v_y=np.interp(t, path.time[:-1], v_m[:, 1]),
         sd_v_y=sd,
-        v_o=speed_at(prep.run.odometer, t + delay),
+        v_o=speed_at(prep.sensed.run.odometer, t + delay),
         yaw_rate=np.interp(t, mid, rate_b @ R_mb[2]),
         a_c=np.interp(t, mid, force_m[:, 0]),
-        standing=np.interp(t, mid, prep.still.astype(np.float64)) > 0.5,
+        standing=np.interp(t, mid, prep.sensed.still.astype(np.float64)) > 0.5,
         accel_y=np.interp(t, mid, force_m[:, 1]),
     )

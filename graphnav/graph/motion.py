@@ -45,7 +45,7 @@ def motion_factors(
 
     With them, by kind, the motion state each factor belongs to.
     """
-    odometer = prep.run.odometer
+    odometer = prep.sensed.run.odometer
     if odometer is None or float(np.median(np.diff(odometer.time))) > SPARSE_S:
         velocities = _velocities(prep, nodes, pre, state, moving, odometer, at, scales)
         return [velocities, _phase(nodes, 0.0)], {"velocity": driven(prep, state[moving])}
@@ -53,8 +53,8 @@ def motion_factors(
     on = _inside(moving, nodes, odometer.time)
     factors = [_displacements(prep, nodes, sums, state, on, scales), _phase(nodes, odometer.pulse)]
     groups = {"displacement": driven(prep, state[on])}
-    sides = prep.run.sides
-    if "track_width" in prep.layout.slices and sides is not None:
+    sides = prep.sensed.run.sides
+    if "track_width" in prep.setup.layout.slices and sides is not None:
         on = _inside(moving, nodes, sides.time)
         factors.append(_track_width(prep, nodes, on, at, scales))
         groups["track_width"] = np.full(len(on), "")
@@ -70,19 +70,21 @@ def _inside(moving: Index, nodes: Nodes, time: Array) -> Index:
 
 def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> OdometerSums:
     """Odometer sums with the delay and the gyro bias of an estimate."""
-    assert prep.run.odometer is not None
+    assert prep.sensed.run.odometer is not None
     delay = delay_of(prep, at)
     owner = interval_of_increment(nodes.edge)
-    earth = at.R_nb[:-1].transpose(0, 2, 1) @ prep.alignment.origin.Omega_n
+    earth = at.R_nb[:-1].transpose(0, 2, 1) @ prep.setup.alignment.origin.Omega_n
     bias = at.calibration[nodes.segment, 2]
-    steps = odometer_steps(prep.inc, prep.run.odometer, delay, bias[owner], earth[owner, 2])
-    return odometer_sums(prep.inc, pre, nodes.edge, steps, earth)
+    steps = odometer_steps(
+        prep.sensed.inc, prep.sensed.run.odometer, delay, bias[owner], earth[owner, 2]
+    )
+    return odometer_sums(prep.sensed.inc, pre, nodes.edge, steps, earth)
 
 
 def delay_of(prep: Prepared, at: Estimate) -> float:
     """Odometer clock minus IMU clock of an estimate, s; what the vehicle file states if held."""
-    column = prep.layout.column("delay")
-    stated = prep.vehicle.odometer.time_offset_s
+    column = prep.setup.layout.column("delay")
+    stated = prep.setup.vehicle.odometer.time_offset_s
     return float(np.median(at.calibration[:, column])) if column >= 0 else stated
 
 
@@ -93,25 +95,25 @@ def _phase(nodes: Nodes, pulse: float) -> Factor:
 def _displacements(
     prep: Prepared, nodes: Nodes, sums: OdometerSums, state: States, on: Index, scales: Scales
 ) -> Factor:
-    assert prep.run.odometer is not None
-    columns, layout = calibrations.columns(prep.layout), prep.layout
-    roll = float(prep.vehicle.odometer.mount_b[1])
+    assert prep.sensed.run.odometer is not None
+    columns, layout = calibrations.columns(prep.setup.layout), prep.setup.layout
+    roll = float(prep.setup.vehicle.odometer.mount_b[1])
     names = driven(prep, state[on])
     T = np.diff(nodes.time)[on]
     sigma = _sigma(prep, names, scales, "displacement") * np.sqrt(T)[:, None]
     # pulses come late by up to one: while the vehicle turns that is a step aside
     turn = np.linalg.norm(so3.log(sums.R_mid[on]), axis=1) * 2
-    sigma[:, 0] = np.hypot(sigma[:, 0], prep.run.odometer.pulse / np.sqrt(12) * turn)
+    sigma[:, 0] = np.hypot(sigma[:, 0], prep.sensed.run.odometer.pulse / np.sqrt(12) * turn)
     factor = _column(prep, names, "factor")
     speed = np.linalg.norm(sums.distance[on, :, 1], axis=1) / T
     # across a gap of the IMU nobody knows where the odometer's way led
-    astray = speed * T * np.minimum(doubt_of(prep.inc, nodes.edge)[on, 0], 1.0)
+    astray = speed * T * np.minimum(doubt_of(prep.sensed.inc, nodes.edge)[on, 0], 1.0)
     sigma = np.hypot(sigma, astray[:, None])
     sigma[:, 1] = np.hypot(sigma[:, 1], BOUNDARY_S * speed * _change(factor))
     reading = Reading(
         forward=factor,
         gauge=_column(prep, names, "half_gauge"),
-        lateral=_column(prep, names, "kappa") * prep.vehicle.body.contact_length,
+        lateral=_column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length,
         forward_column=np.array([layout.column(f"forward:{s}") for s in names], np.int64),
         lateral_column=np.array([layout.column(f"lateral:{s}") for s in names], np.int64),
         sigma=sigma,
@@ -143,7 +145,7 @@ def _change(factor: Array) -> Array:
 
 def _track_width(prep: Prepared, nodes: Nodes, on: Index, at: Estimate, scales: Scales) -> Factor:
     """Yaw from the two sides of a skid-steered vehicle."""
-    sides, layout = prep.run.sides, prep.layout
+    sides, layout = prep.sensed.run.sides, prep.setup.layout
     assert sides is not None
     column, late = layout.column("track_width"), delay_of(prep, at)
     rate = sides.right - sides.left
@@ -168,8 +170,8 @@ def _velocities(
     scales: Scales,
 ) -> Factor:
     """Velocity at the end of each moving interval; the forward row only with an odometer."""
-    columns = calibrations.columns(prep.layout)
-    roll = float(prep.vehicle.odometer.mount_b[1])
+    columns = calibrations.columns(prep.setup.layout)
+    roll = float(prep.setup.vehicle.odometer.mount_b[1])
     names, node = driven(prep, state[moving]), moving + 1
     seg, time = nodes.segment[moving], nodes.time[node]
     rate = so3.log(pre.dR)[moving] / pre.T[moving, None]
@@ -187,7 +189,7 @@ def _velocities(
         speed *= _column(prep, names, "factor")
         heard = (stamp >= odometer.time[0] - REACH_S) & (stamp <= odometer.time[-1] + REACH_S)
         sigma[~heard, 1] = DROPPED
-    lateral = -_column(prep, names, "kappa") * prep.vehicle.body.contact_length * rate[:, 2]
+    lateral = -_column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length * rate[:, 2]
     return lambda x: [
         velocity(
             speed,
@@ -208,20 +210,20 @@ def _velocities(
 
 def driven(prep: Prepared, state: States) -> States:
     """States of intervals that are not wholly at rest: the edges of a stop are driven straight."""
-    usual = "straight_high" if prep.vehicle.kind == "tracked" else "moving"
+    usual = "straight_high" if prep.setup.vehicle.kind == "tracked" else "moving"
     return np.where(np.isin(state, ("stop", "moving")), usual, state)
 
 
 def _column(prep: Prepared, names: States, field: str) -> Array:
     """One column of the correction table for each interval, (n,)."""
-    values = {state: float(getattr(row, field)) for state, row in prep.table.items()}
+    values = {state: float(getattr(row, field)) for state, row in prep.setup.table.items()}
     return np.array([values[str(s)] for s in names], dtype=np.float64)
 
 
 def _sigma(prep: Prepared, names: States, scales: Scales, kind: str) -> Array:
     """Velocity sigma of each interval by axis, (n, 3) m/s; rows the table discards are dropped."""
     by_state = {}
-    for state, row in prep.table.items():
+    for state, row in prep.setup.table.items():
         forward = row.sigma_forward if row.use_odometer else DROPPED
         found = np.array([scales.get(f"{kind}:{state}:{axis}", 1.0) for axis in AXES])
         by_state[state] = np.array([row.sigma_lateral, forward, VERTICAL]) * found

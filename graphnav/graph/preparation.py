@@ -34,28 +34,46 @@ STANDING_START_S = 3.0  # a rest at least this long, begun as the run starts, al
 
 
 @dataclass(frozen=True)
-class Prepared:
-    """A run ready to be smoothed."""
+class Setup:
+    """What holds for the whole run: the vehicle, where it began and what is to be estimated."""
 
-    recorded: Run  # as read
-    run: Run  # with the fixes in use only
     vehicle: Vehicle
-    inc: Increments
     noise: InertialNoise
-    still: Mask  # (M,) whether the vehicle stands, per increment
-    rests: Array  # (K, 2) s, spans of standstill
     alignment: Alignment
     table: dict[str, Correction]
     layout: Layout
-    gnss: Gnss | None  # fixes in use
-    fixes_n: Array  # (F, 3) m, the fixes in use, in n
-    rocking: Array  # (3,) rad, how far the standing vehicle rocks, one sigma by axis
+    two_sided: bool = False  # both sides of a skidding vehicle are recorded
     interval: float = INTERVAL_S  # s between nodes
 
     @property
     def params(self) -> VehicleParams:
         """What state recognition must know of the vehicle."""
-        return params(self.vehicle, two_sided(self.run, self.vehicle))
+        return params(self.vehicle, self.two_sided)
+
+
+@dataclass(frozen=True)
+class Sensed:
+    """What the sensors said over the run, or over a piece of it."""
+
+    run: Run  # with the fixes in use only
+    inc: Increments
+    still: Mask  # (M,) whether the vehicle stands, per increment
+    rests: Array  # (K, 2) s, spans of standstill
+    fixes_n: Array  # (F, 3) m, the fixes in use, in n
+    rocking: Array  # (3,) rad, how far the standing vehicle rocks, one sigma by axis
+
+    @property
+    def gnss(self) -> Gnss | None:
+        """The fixes in use."""
+        return self.run.gnss
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A run, or a piece of it, ready to be smoothed."""
+
+    setup: Setup
+    sensed: Sensed
 
 
 def prepare(
@@ -95,8 +113,8 @@ def prepare(
         )
     layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle))
     rock = rocking(inc, rests, noise.gyro)
-    sensed = run, used, vehicle, inc, noise, still, rests
-    return Prepared(*sensed, alignment, table, layout, gnss, fixes, rock, interval)
+    setup = Setup(vehicle, noise, alignment, table, layout, two_sided(run, vehicle), interval)
+    return Prepared(setup, Sensed(used, inc, still, rests, fixes, rock))
 
 
 def inertial_noise(vehicle: Vehicle) -> InertialNoise:

@@ -49,9 +49,9 @@ def build(
 ) -> Problem:
     """Integrate with the biases and the delay of `at` and assemble all factors."""
     seg = nodes.segment
-    pre = preintegrate(prep.inc, nodes.edge, at.calibration[seg, :6], prep.noise)
+    pre = preintegrate(prep.sensed.inc, nodes.edge, at.calibration[seg, :6], prep.setup.noise)
     owner = interval_of_increment(nodes.edge)
-    share = np.bincount(owner, prep.still, len(seg)) / np.bincount(owner, minlength=len(seg))
+    share = np.bincount(owner, prep.sensed.still, len(seg)) / np.bincount(owner, minlength=len(seg))
     resting = np.flatnonzero(share > 0.999)
     state = timeline.state_at(0.5 * (nodes.time[1:] + nodes.time[:-1]))
     factors = [
@@ -63,23 +63,23 @@ def build(
     moving = np.setdiff1d(np.arange(len(seg)), resting)
     motion, groups = motion_factors(prep, nodes, pre, state, moving, at, scales)
     factors.extend(motion)
-    if prep.gnss is not None:
+    if prep.sensed.gnss is not None:
         fixes = _gnss(prep, nodes, scales)
         factors.append(fixes)
         groups["gnss"] = np.full(len(fixes(at)[0].time), "")
-    if prep.run.heading is not None:
+    if prep.sensed.run.heading is not None:
         factors.append(_heading(prep, nodes))
-    chain = Chain(len(nodes.time), len(nodes.segment_time), prep.layout.dim, seg)
+    chain = Chain(len(nodes.time), len(nodes.segment_time), prep.setup.layout.dim, seg)
     return Problem(tuple(factors), chain, nodes, pre, resting, state, groups)
 
 
 def _start(prep: Prepared, nodes: Nodes) -> Factor:
-    known, t = prep.alignment.start, float(nodes.time[0])
+    known, t = prep.setup.alignment.start, float(nodes.time[0])
     return lambda x: [start(known, x.R_nb[0], x.v_n[0], x.p_n[0], t)]
 
 
 def _calibration(prep: Prepared, nodes: Nodes) -> Factor:
-    layout, time = prep.layout, nodes.segment_time
+    layout, time = prep.setup.layout, nodes.segment_time
     return lambda x: [
         calibration_prior(layout, x.calibration),
         *(walk(layout, x.calibration, time, ("scale",)) if len(time) > 1 else []),
@@ -87,7 +87,7 @@ def _calibration(prep: Prepared, nodes: Nodes) -> Factor:
 
 
 def _inertial(prep: Prepared, nodes: Nodes, pre: Preintegrated) -> Factor:
-    origin, dim = prep.alignment.origin, prep.layout.dim
+    origin, dim = prep.setup.alignment.origin, prep.setup.layout.dim
 
     def factor(x: Estimate) -> list[Block]:
         g = origin.gravity(0.5 * (x.p_n[:-1] + x.p_n[1:]))
@@ -100,7 +100,7 @@ def _inertial(prep: Prepared, nodes: Nodes, pre: Preintegrated) -> Factor:
 
 
 def _standstill(prep: Prepared, nodes: Nodes, resting: Index) -> Factor:
-    rotation = np.sqrt(2) * prep.rocking + STILL_ROTATION
+    rotation = np.sqrt(2) * prep.sensed.rocking + STILL_ROTATION
     noise = StandstillNoise(rotation, STILL_VELOCITY, STILL_POSITION)
     time = nodes.time[resting + 1]
     return lambda x: (
@@ -109,23 +109,25 @@ def _standstill(prep: Prepared, nodes: Nodes, resting: Index) -> Factor:
 
 
 def _gnss(prep: Prepared, nodes: Nodes, scales: Scales) -> Factor:
-    assert prep.gnss is not None
-    node, dt = nearest_node(nodes, prep.gnss.time)
+    assert prep.sensed.gnss is not None
+    node, dt = nearest_node(nodes, prep.sensed.gnss.time)
     # of several fixes near one node only the closest is used
     order = np.lexsort((np.abs(dt), node))
     pick = np.sort(order[np.unique(node[order], return_index=True)[1]])
     pick = pick[np.abs(dt[pick]) < FIX_REACH_S]
     factor_of = np.array([scales.get(f"gnss::{axis}", 1.0) for axis in ("east", "north", "up")])
-    sigma = np.maximum(prep.gnss.sd_enu[pick], FIX_SD) * factor_of
+    sigma = np.maximum(prep.sensed.gnss.sd_enu[pick], FIX_SD) * factor_of
     at = node[pick]
     segment = nodes.segment[np.maximum(at - 1, 0)]
-    fixes = Fixes(prep.fixes_n[pick], sigma, dt[pick], at, segment, prep.gnss.time[pick])
-    antenna, offset = prep.layout.column("antenna"), prep.layout.column("gnss_offset")
+    fixes = Fixes(
+        prep.sensed.fixes_n[pick], sigma, dt[pick], at, segment, prep.sensed.gnss.time[pick]
+    )
+    antenna, offset = prep.setup.layout.column("antenna"), prep.setup.layout.column("gnss_offset")
     return lambda x: [position(fixes, antenna, offset, x.R_nb, x.v_n, x.p_n, x.calibration)]
 
 
 def _heading(prep: Prepared, nodes: Nodes) -> Factor:
-    sensed = prep.run.heading
+    sensed = prep.sensed.run.heading
     assert sensed is not None
     node, dt = nearest_node(nodes, sensed.time)
     pick = np.flatnonzero(np.abs(dt) < FIX_REACH_S)

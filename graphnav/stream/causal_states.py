@@ -33,15 +33,15 @@ class CausalStates:
         if not self._has_gears or times[-1] - times[0] < SHORTEST_S:
             return
         prep, nodes = graph.log.sensed(first, graph.last)
-        if prep.run.odometer is None:
+        if prep.sensed.run.odometer is None:
             return
         estimate = window.estimate
         pre = preintegrate(
-            prep.inc, nodes.edge, estimate.calibration[nodes.segment, :6], prep.noise
+            prep.sensed.inc, nodes.edge, estimate.calibration[nodes.segment, :6], prep.setup.noise
         )
-        path = densify(prep.inc, pre, nodes, estimate, prep.alignment.origin)
+        path = densify(prep.sensed.inc, pre, nodes, estimate, prep.setup.alignment.origin)
         try:
-            line = recognise(kinematics(prep, path, estimate, nodes), prep.params)
+            line = recognise(kinematics(prep, path, estimate, nodes), prep.setup.params)
         except SolutionError:
             return
         middle = 0.5 * (times[1:] + times[:-1])

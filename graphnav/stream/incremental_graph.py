@@ -61,23 +61,23 @@ class IncrementalGraph:
         again; the newest are every `every_s`.
         """
         self.log, self._lag = log, lag
-        prep = log.prep
-        self.every = max(1, round(every_s / prep.interval))  # nodes
-        self._kept = round((KEPT_S + (lag or 0.0)) / room_of(prep.interval))
+        setup = log.setup
+        self.every = max(1, round(every_s / setup.interval))  # nodes
+        self._kept = round((KEPT_S + (lag or 0.0)) / room_of(setup.interval))
         self._R, self._v, self._p, self._phase = (
             GrowingArray(3, 3),
             GrowingArray(3),
             GrowingArray(3),
             GrowingArray(),
         )
-        self._c = GrowingArray(prep.layout.dim)
+        self._c = GrowingArray(setup.layout.dim)
         self._swept = FIRST_GROWTH  # nodes when all were last relinearised
-        self._unit = UNIT * prep.layout.prior_sd
+        self._unit = UNIT * setup.layout.prior_sd
         self._tree = Tree(self._unit)
         # error state and covariance of the newest node
         self._tip = (np.zeros(NODE_DIM), np.zeros((NODE_DIM, NODE_DIM)))
-        start, c = prep.alignment.start, prep.layout.prior.copy()
-        c[:3] = prep.alignment.gyro_bias
+        start, c = setup.alignment.start, setup.layout.prior.copy()
+        c[:3] = setup.alignment.gyro_bias
         aligned = (start.R_nb, start.v_n, start.p_n, np.zeros(()), c)
         for tape, x in zip(self._tapes, aligned, strict=True):
             tape.push(x)
@@ -112,7 +112,7 @@ class IncrementalGraph:
     @property
     def origin(self) -> Origin:
         """The frame n."""
-        return self.log.prep.alignment.origin
+        return self.log.setup.alignment.origin
 
     def newest(self, i: int) -> tuple[Array, Array, Array, Array]:
         """Attitude, velocity, position and covariance (9, 9) of the node that entered last."""
@@ -208,7 +208,7 @@ class IncrementalGraph:
 
     def _tie(self, c: Array, new: bool) -> list[gtsam.JacobianFactor]:
         """What ties the segment of the newest interval, if it is `new` or the first: one at `c`."""
-        k, layout = len(self._c), self.log.prep.layout
+        k, layout = len(self._c), self.log.setup.layout
         if self.last == 1:
             return self._tied(calibration_prior(layout, c), 0)
         if not new:
@@ -225,7 +225,7 @@ class IncrementalGraph:
         return list(replace(block, terms=tuple(terms)).jacobian_factors())
 
     def _rows(self, blocks: list[Block], first: int) -> Rows:
-        dim = self.log.prep.layout.dim
+        dim = self.log.setup.layout.dim
         return stacked(blocks, self.last - first, dim, FIRST, begins=first == 0)
 
     def relinearise(self, learning: bool = False) -> None:

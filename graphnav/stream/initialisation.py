@@ -8,7 +8,7 @@ from graphnav.common.errors import InputError
 from graphnav.common.run import Run
 from graphnav.graph import calibrations
 from graphnav.graph.preparation import (
-    Prepared,
+    Setup,
     inertial_noise,
     params,
     standing_start,
@@ -41,8 +41,9 @@ class Initialisation:
         self._expects_fixes = expects_fixes
         self._looked = 0.0  # s, until when it was tried
         self.why: InputError | None = None  # it was not possible
+        self.aligned = 0.0  # s, when it was
 
-    def attempt(self, ready: int, last: bool = False) -> Prepared | None:
+    def attempt(self, ready: int, last: bool = False) -> Setup | None:
         """The alignment with all that goes with it, once possible with the judged increments.
 
         `last`: there will be no more, nothing is waited for.
@@ -56,7 +57,7 @@ class Initialisation:
                 return found
         return self._tried(ready, waits=False) if last and ready else None
 
-    def _tried(self, until: int, waits: bool) -> Prepared | None:
+    def _tried(self, until: int, waits: bool) -> Setup | None:
         """The alignment with the first `until` increments, unless more is worth waiting for."""
         edge = self._sensors.inertial.edge.rows
         run = self._so_far(float(edge[until]))
@@ -65,10 +66,12 @@ class Initialisation:
         if waits and self._waits(run, rested, until):
             return None
         try:
-            return self._prepared(run, align(run, self._vehicle, inc, rested))
+            setup = self._setup(run, align(run, self._vehicle, inc, rested))
         except InputError as error:
             self.why = error
             return None
+        self.aligned = run.end
+        return setup
 
     def _waits(self, run: Run, rested: float, until: int) -> bool:
         """Whether more is worth waiting for: the end of a rest, levelling, more fixes."""
@@ -97,26 +100,13 @@ class Initialisation:
             rover=None,
         )
 
-    def _prepared(self, run: Run, alignment: Alignment) -> Prepared:
-        """What the factors need beside the sensors, which come interval by interval."""
+    def _setup(self, run: Run, alignment: Alignment) -> Setup:
+        """What holds for the whole stream."""
         gnss, vehicle = run.gnss, self._vehicle
         both = two_sided(run, vehicle)
         table = self._table or correction_table(params(vehicle, both))
         if gnss is None and self._expects_fixes:
             gnss = usual_fix(vehicle.gnss.sd)
-        return Prepared(
-            recorded=run,
-            run=run,
-            vehicle=vehicle,
-            inc=self._sensors.inertial.between(0, 1),
-            noise=inertial_noise(vehicle),
-            still=np.zeros(1, bool),
-            rests=np.zeros((0, 2)),
-            alignment=alignment,
-            table=table,
-            layout=calibrations.layout(vehicle, table, gnss, both),
-            gnss=None,
-            fixes_n=np.zeros((0, 3)),
-            rocking=np.zeros(3),
-            interval=self._interval,
-        )
+        layout = calibrations.layout(vehicle, table, gnss, both)
+        noise = inertial_noise(vehicle)
+        return Setup(vehicle, noise, alignment, table, layout, both, self._interval)

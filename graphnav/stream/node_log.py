@@ -1,15 +1,17 @@
 """The nodes of a stream so far: where they stand, and what the sensors said between them."""
 
-from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from factors.block import Index
 from graphnav.common.growing_array import GrowingArray
+from graphnav.common.run import Run
 from graphnav.graph.estimate import Estimate
 from graphnav.graph.nodes import SEGMENT_S, Nodes
-from graphnav.graph.preparation import Prepared
+from graphnav.graph.preparation import Prepared, Sensed, Setup
 from graphnav.graph.problem import Problem, build
+from graphnav.inertial.standstill import spans
 from graphnav.recognition.timeline import Timeline
 from graphnav.stream.aiding import Aid, joined
 from graphnav.stream.intake import Sensors
@@ -18,9 +20,9 @@ from graphnav.stream.intake import Sensors
 class NodeLog:
     """Nodes 0 to `last` with their intervals' motion states and calibration segments."""
 
-    def __init__(self, prep: Prepared, sensors: Sensors) -> None:
-        """`prep` carries alignment, noise and layout; its sensors are those of each interval."""
-        self.prep, self._sensors = prep, sensors
+    def __init__(self, setup: Setup, sensors: Sensors) -> None:
+        self.setup, self._sensors = setup, sensors
+        self.rocking = np.zeros(3)  # rad, how far the standing vehicle rocks
         self.edge, self.time = GrowingArray(), GrowingArray()
         self.segment, self.segment_time = (
             GrowingArray(),
@@ -80,22 +82,21 @@ class NodeLog:
         a, b = int(self.edge.rows[first]), int(self.edge.rows[last])
         span = float(nodes.time[0]), float(nodes.time[-1])
         gnss, fixes_n, heading = joined(self._aids[first + 1 if first else 0 : last + 1])
-        run = replace(
-            self.prep.run,
+        run = Run(
+            path=Path("stream"),
+            clock_start=0.0,
+            end=span[1],
+            imu=None,
             odometer=heard.odometer.around(*span),
             sides=heard.sides.around(*span),
             gnss=gnss,
             heading=heading,
+            rover=None,
         )
-        prep = replace(
-            self.prep,
-            run=run,
-            inc=heard.inertial.between(a, b),
-            still=heard.rest.still.rows[a:b] > 0,
-            gnss=gnss,
-            fixes_n=fixes_n,
-        )
-        return prep, nodes
+        inc = heard.inertial.between(a, b)
+        still = heard.rest.still.rows[a:b] > 0
+        sensed = Sensed(run, inc, still, spans(still, inc.edge), fixes_n, self.rocking)
+        return Prepared(self.setup, sensed), nodes
 
     def problem(self, first: int, last: int, at: Estimate) -> Problem:
         """The batch's factors between two nodes, increments integrated with the biases of `at`."""

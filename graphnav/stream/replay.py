@@ -85,16 +85,16 @@ def verdicts(replayed: Replayed) -> list[str]:
 
 def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoother:
     """The stream after all samples of a run in pieces of some seconds, IMU last."""
-    run = prep.run
+    run = prep.sensed.run
     assert run.imu is not None
-    imu = prep.vehicle.imu.model_copy(update={"axes": "RFU"})  # axes are turned already
-    vehicle = prep.vehicle.model_copy(update={"imu": imu})
+    imu = prep.setup.vehicle.imu.model_copy(update={"axes": "RFU"})  # axes are turned already
+    vehicle = prep.setup.vehicle.model_copy(update={"imu": imu})
     stream = Smoother(
         vehicle,
         lag=lag,
-        table=prep.table,
-        fixes=prep.gnss is not None,
-        interval=prep.interval,
+        table=prep.setup.table,
+        fixes=prep.sensed.gnss is not None,
+        interval=prep.setup.interval,
         clock=0.0,
     )
     for start, end in pairwise(np.arange(-piece, run.end + piece, piece).tolist()):
@@ -159,12 +159,12 @@ def latencies(known: list[CausalEstimate]) -> dict[str, Any]:
 
 def causal(replayed: Replayed, prep: Prepared) -> dict[str, Array]:
     """Columns of trajectory_causal.parquet: what was known at each node, in the result's frame."""
-    known, origin = replayed.known, prep.alignment.origin
+    known, origin = replayed.known, prep.setup.alignment.origin
     x_e = np.array([k.origin.x_e + k.origin.R_en @ k.p_n for k in known]).reshape(-1, 3)
     p_n = (x_e - origin.x_e) @ origin.R_en
     sd = np.array([k.sd_enu for k in known]).reshape(-1, 3)
     return {
-        "time": np.array([k.time for k in known]) + prep.run.clock_start,
+        "time": np.array([k.time for k in known]) + prep.sensed.run.clock_start,
         "e": p_n[:, 0],
         "n": p_n[:, 1],
         "u": p_n[:, 2],

@@ -122,7 +122,7 @@ class Smoother:
     def add_sides(self, time: ArrayLike, left: ArrayLike, right: ArrayLike) -> None:
         """Speeds of both sides (n,) m/s, for the turn they tell; their mean is no odometer yet."""
         t, *both = self._sound("add_sides", time, left, right)
-        layout = None if self.graph is None else self.graph.log.prep.layout
+        layout = None if self.graph is None else self.graph.log.setup.layout
         turns = self.vehicle.kind == "tracked" and len(t) > 0
         if turns and layout is not None and "track_width" not in layout.slices:
             raise InputError("add_sides: give both sides from the start, before the alignment")
@@ -228,11 +228,11 @@ class Smoother:
 
     def _begin(self, ready: int, last: bool) -> None:
         """Start the graph when the alignment is done."""
-        prep = self._beginning.attempt(ready, last)
-        if prep is not None:
-            self._aligned = prep.run.end
+        setup = self._beginning.attempt(ready, last)
+        if setup is not None:
+            self._aligned = self._beginning.aligned
             self.graph = IncrementalGraph(
-                NodeLog(prep, self._heard), self._lag, self._states.every_s
+                NodeLog(setup, self._heard), self._lag, self._states.every_s
             )
 
     def _nodes(self, edges: list[int], due: float) -> None:
@@ -279,9 +279,9 @@ class Smoother:
         moving = np.flatnonzero(still[:edge] == 0)
         first = int(moving[-1]) + 1 if len(moving) else 0
         inc = self._heard.inertial.between(first, edge)
-        self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]], graph.log.prep.noise.gyro)
+        self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]], graph.log.setup.noise.gyro)
         usual = np.median(list(self._rocking.values()), axis=0)
-        graph.log.prep = replace(graph.log.prep, rocking=usual)
+        graph.log.rocking = usual
 
 
 def _shares(spans: Array, sweep: float) -> list[float]:
