@@ -15,6 +15,19 @@ NODE_DIM = 10
 
 
 @dataclass(frozen=True)
+class Scope:
+    """The variables that n factors of one kind act on, and when."""
+
+    node: Index  # (n,) the node, or the first of the two
+    segment: Index  # (n,) calibration segment in force
+    time: Array  # (n,) s, at the node, or at the second of the two
+
+    def of(self, on: Index) -> "Scope":
+        """That of some of the factors."""
+        return Scope(self.node[on], self.segment[on], self.time[on])
+
+
+@dataclass(frozen=True)
 class Term:
     """Jacobian of a block with respect to one variable of each occurrence."""
 
@@ -72,6 +85,15 @@ class Block:
                 gtsam.JacobianFactor(i, A_i, j, A_j, k, A_k, b_k, unit)
                 for i, A_i, j, A_j, (k, A_k), b_k in rows3
             )
+
+
+def between(scope: Scope, J_i: Array, J_j: Array, J_c: Array) -> tuple[Term, Term, Term]:
+    """Jacobians with respect to a node, the node after it and the calibrations."""
+    return (
+        Term("x", scope.node, J_i),
+        Term("x", scope.node + 1, J_j),
+        Term("c", scope.segment, J_c),
+    )
 
 
 def whitened(

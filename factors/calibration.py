@@ -11,9 +11,27 @@ from functools import cached_property
 
 import numpy as np
 
+from factors import kinds
 from factors.block import Array, Block, Index, Term
 
-GYRO_BIAS, ACCEL_BIAS = slice(0, 3), slice(3, 6)
+# names of the components
+GYRO_BIAS, ACCEL_BIAS = "gyro_bias", "accel_bias"  # rad/s, m/s^2, body axes; neighbours
+SCALE, MOUNTING, LEVER = "scale", "mounting", "lever"  # odometer: 1; pitch, heading; m, body
+DELAY, CORNERING, TRACK_WIDTH = "delay", "cornering", "track_width"  # s; s; m
+ANTENNA, GNSS_OFFSET = "antenna", "gnss_offset"  # m, body; m, n
+SLIP_COEFFICIENT, SIDE_SLIP, YAW_SLIP, TOE = "slip_coefficient", "side_slip", "yaw_slip", "toe"
+
+
+def forward_of(state: str) -> str:
+    """The odometer's factor in a motion state."""
+    return f"forward:{state}"
+
+
+def lateral_of(state: str) -> str:
+    """Sideways metres per radian of turn in a motion state."""
+    return f"lateral:{state}"
+
+
 CONSTANT = 1e-6  # of its prior sd: how far a constant may wander in one second
 
 
@@ -68,9 +86,22 @@ class Layout:
             ]
         )
 
-    def column(self, name: str, offset: int = 0) -> int:
-        """First column of a component, or -1 when the layout has none of that name."""
-        return self.slices[name].start + offset if name in self.slices else -1
+    @cached_property
+    def bias(self) -> slice:
+        """Columns of gyro and accelerometer bias, 6 of them."""
+        gyro, accel = self.slices[GYRO_BIAS], self.slices[ACCEL_BIAS]
+        assert gyro.stop == accel.start, "the inertial biases are neighbours"
+        return slice(gyro.start, accel.stop)
+
+    def column(self, name: str) -> int:
+        """The column of a component that is a single number and there."""
+        span = self.slices[name]
+        assert span.stop == span.start + 1, f"{name} has several columns"
+        return int(span.start)
+
+    def find(self, name: str) -> int | None:
+        """The column of a component that is a single number, None when the layout has none."""
+        return self.column(name) if name in self.slices else None
 
 
 def prior(layout: Layout, calibration: Array) -> Block:
@@ -80,7 +111,7 @@ def prior(layout: Layout, calibration: Array) -> Block:
     jacobian = np.diag(1 / layout.prior_sd)[None]
     axes = tuple(str(k) for k in range(d))
     term = Term("c", np.zeros(1, np.int64), jacobian)
-    return Block("calibration_prior", axes, np.zeros(1), residual, (term,))
+    return Block(kinds.CALIBRATION_PRIOR, axes, np.zeros(1), residual, (term,))
 
 
 def walk(layout: Layout, calibration: Array, time: Array, heavy: tuple[str, ...]) -> list[Block]:
@@ -93,9 +124,9 @@ def walk(layout: Layout, calibration: Array, time: Array, heavy: tuple[str, ...]
     chosen = [np.arange(s.start, s.stop) for name, s in layout.slices.items() if name in heavy]
     tail = np.concatenate(chosen) if chosen else np.zeros(0, np.int64)
     rest = np.setdiff1d(np.arange(layout.dim), tail)
-    blocks = [_walk("calibration_walk", layout, calibration, time, rest, False)]
+    blocks = [_walk(kinds.CALIBRATION_WALK, layout, calibration, time, rest, False)]
     if len(tail):
-        blocks.append(_walk("scale_walk", layout, calibration, time, tail, True))
+        blocks.append(_walk(kinds.SCALE_WALK, layout, calibration, time, tail, True))
     return blocks
 
 

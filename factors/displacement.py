@@ -21,8 +21,22 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import so3
-from factors.block import NODE_DIM, PHASE, POSITION, ROTATION, Array, Block, Index, Term, whitened
+from factors import kinds, so3
+from factors.block import (
+    NODE_DIM,
+    PHASE,
+    POSITION,
+    ROTATION,
+    Array,
+    Block,
+    Index,
+    Scope,
+    Term,
+    between,
+    whitened,
+)
+from factors.calibration import CORNERING, DELAY, GYRO_BIAS, LEVER, MOUNTING, SCALE, Layout
+from factors.estimate import Estimate
 
 AXES = ("lateral", "forward", "vertical")
 E_X, E_Y = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
@@ -49,26 +63,34 @@ class OdometerSums:
 
 
 @dataclass(frozen=True)
-class Correction:
-    """How the odometer is to be read in each interval; columns are -1 where not calibrated."""
+class Coefficient:
+    """A coefficient of n factors: held, or calibrated in a column of the factor's own."""
 
-    forward: Array  # (n,) f where it is not calibrated
-    gauge: Array  # (n,) h [m]
-    lateral: Array  # (n,) kappa L [m] where it is not calibrated
-    forward_column: Index  # (n,) calibration column of f
-    lateral_column: Index  # (n,) calibration column of kappa L
-    sigma: Array  # (n, 3) m, one sigma of lateral, forward, vertical
+    held: Array  # (n,) its value where it is not calibrated
+    on: Index  # (m,) the factors that have it calibrated
+    column: Index  # (m,) calibration column of each of these
+
+    def value(self, c: Array) -> Array:
+        """Of each factor with the calibrations `c` (n, dim) in force, (n,)."""
+        out = self.held.copy()
+        out[self.on] = c[self.on, self.column]
+        return out
+
+    def add_to(self, J_c: Array, derivative: Array) -> None:
+        """Add the derivatives (n, 3) of the factors to the Jacobian (n, 3, dim)."""
+        J_c[self.on, :, self.column] += derivative[self.on]
 
 
 @dataclass(frozen=True)
-class Columns:
-    """Calibration columns the factor uses; -1 leaves a quantity out."""
+class DisplacementReading:
+    """What the odometer counted over n intervals and how it is to be read."""
 
-    scale: int
-    mounting: int  # pitch, heading
-    lever: int
-    delay: int
-    cornering: int = -1  # tau [s]
+    sums: OdometerSums
+    forward: Coefficient  # f
+    lateral: Coefficient  # kappa L [m]
+    gauge: Array  # (n,) h [m]
+    roll: float  # rad, of the mounting
+    sigma: Array  # (n, 3) m, one sigma of lateral, forward, vertical
 
 
 @dataclass(frozen=True)
@@ -87,110 +109,102 @@ def mounting(pitch_heading: Array, roll: float) -> Mounting:
     return Mounting(so3.exp(vector), so3.right_jacobian(vector)[:, :, [0, 2]])
 
 
-def displacement(
-    sums: OdometerSums,
-    correction: Correction,
-    columns: Columns,
-    roll: float,
-    node: Index,
-    R: Array,
-    p: Array,
-    phase: Array,
-    c: Array,
-    segment: Index,
-    time: Array,
-) -> Block:
-    """Displacement factors over the intervals that start at nodes `node` (n,).
-
-    Args: `R` (N, 3, 3), `p` (N, 3), `phase` (N,) of all nodes; `c` (n, dim) the calibration in
-    force in each interval, from segment `segment` (n,); `time` (n,) s, ends of the intervals.
-    Returns a block of 3 rows [lateral, forward, vertical], whitened by `correction.sigma`.
-    """
-    n = len(node)
-    mount = mounting(c[:, columns.mounting : columns.mounting + 2], roll)
-    lever = c[:, columns.lever : columns.lever + 3]
-    ex, ey = mount.R_bm @ E_X, mount.R_bm @ E_Y
-    forward = _calibrated(c, correction.forward_column, correction.forward)
-    lateral = _calibrated(c, correction.lateral_column, correction.lateral)
-    gain = forward * (1 + c[:, columns.scale])
-    sideways = lateral[:, None, None] * sums.turn
-    if columns.cornering >= 0:
-        sideways = sideways - c[:, columns.cornering, None, None] * sums.bend
-    distance = sums.distance
-    if columns.delay >= 0:
-        late = c[:, columns.delay] - sums.delay
-        distance = distance + late[:, None, None] * sums.distance_rate
-    travel = so3.mv(distance, ey)
-    swerve = gain[:, None] * so3.mv(sums.distance_late, ey)
-    turned = so3.mv(sums.turn, ex)
-    # vectors in the frame of node i, turned into the vehicle frame at mid-interval at the end
-    D = gain[:, None] * travel - correction.gauge[:, None] * so3.mv(sums.turn_abs, ey)
-    D = D - so3.mv(sideways, ex) + so3.cross(swerve, c[:, 0:3] - sums.bias)
-    R_i, R_j = R[node], R[node + 1]
+def displacement(reading: DisplacementReading, layout: Layout, scope: Scope, x: Estimate) -> Block:
+    """Displacement factors: 3 rows [lateral, forward, vertical], whitened."""
+    c = x.calibration[scope.segment]
+    D = _read(reading, layout, c)
+    R_i, R_j = x.R_nb[scope.node], x.R_nb[scope.node + 1]
     R_ij = so3.transpose(R_i) @ R_j
-    moved = so3.mtv(R_i, p[node + 1] - p[node])
-    to_m = so3.transpose(sums.R_mid @ mount.R_bm)
+    moved = so3.mtv(R_i, x.p_n[scope.node + 1] - x.p_n[scope.node])
+    lever = c[:, layout.slices[LEVER]]
     arm = so3.mv(R_ij, lever)
-    r = so3.mv(to_m, moved + arm - lever - D)
-    r[:, 1] += phase[node + 1] - phase[node]
+    # vectors in the frame of node i, turned into the vehicle frame at mid-interval at the end
+    to_m = so3.transpose(reading.sums.R_mid @ D.mount.R_bm)
+    r = so3.mv(to_m, moved + arm - lever - D.total)
+    J_c = _calibration_columns(reading, layout, D, to_m, r)
+    J_c[:, :, layout.slices[LEVER]] = to_m @ (R_ij - np.eye(3))
+    r[:, 1] += x.phase[scope.node + 1] - x.phase[scope.node]
 
-    J_i, J_j, J_c = (
-        np.zeros((n, 3, NODE_DIM)),
-        np.zeros((n, 3, NODE_DIM)),
-        np.zeros((n, 3, c.shape[1])),
-    )
+    n = len(scope.node)
+    J_i, J_j = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, NODE_DIM))
     J_i[:, :, ROTATION] = to_m @ so3.skew(moved + arm)
     J_j[:, :, ROTATION] = -to_m @ R_ij @ so3.skew(lever)
     J_j[:, :, POSITION] = to_m @ so3.transpose(R_i)
     J_i[:, :, POSITION] = -J_j[:, :, POSITION]
     J_i[:, 1, PHASE], J_j[:, 1, PHASE] = -1.0, 1.0
+    terms = between(scope, J_i, J_j, J_c)
+    return whitened(kinds.DISPLACEMENT, AXES, scope.time, r, reading.sigma, terms)
+
+
+@dataclass(frozen=True)
+class _Read:
+    """D and its parts, all in the body frame of node i."""
+
+    total: Array  # (n, 3) m
+    mount: Mounting
+    unscaled: Array  # (n,) f
+    scale: Array  # (n,) 1 + s
+    distance: Array  # (n, 3, 3) sum C_k d_k with the delay in force
+    sideways: Array  # (n, 3, 3) what acts along -R_bm e_x
+    travel: Array  # (n, 3) distance along R_bm e_y
+    swerve: Array  # (n, 3) whose cross product with the gyro bias is the way's turn
+
+
+def _read(reading: DisplacementReading, layout: Layout, c: Array) -> _Read:
+    """The odometer's displacement with the calibrations `c` (n, dim) in force."""
+    sums = reading.sums
+    mount = mounting(c[:, layout.slices[MOUNTING]], reading.roll)
+    ex, ey = mount.R_bm @ E_X, mount.R_bm @ E_Y
+    forward, scale = reading.forward.value(c), 1 + c[:, layout.column(SCALE)]
+    gain = forward * scale
+    sideways = reading.lateral.value(c)[:, None, None] * sums.turn
+    if (cornering := layout.find(CORNERING)) is not None:
+        sideways = sideways - c[:, cornering, None, None] * sums.bend
+    distance = sums.distance
+    if (delay := layout.find(DELAY)) is not None:
+        late = c[:, delay] - sums.delay
+        distance = distance + late[:, None, None] * sums.distance_rate
+    travel = so3.mv(distance, ey)
+    swerve = gain[:, None] * so3.mv(sums.distance_late, ey)
+    D = gain[:, None] * travel - reading.gauge[:, None] * so3.mv(sums.turn_abs, ey)
+    bias = c[:, layout.slices[GYRO_BIAS]] - sums.bias
+    D = D - so3.mv(sideways, ex) + so3.cross(swerve, bias)
+    return _Read(D, mount, forward, scale, distance, sideways, travel, swerve)
+
+
+def _calibration_columns(
+    reading: DisplacementReading, layout: Layout, D: _Read, to_m: Array, r: Array
+) -> Array:
+    """Jacobian (n, 3, dim) by all calibrations but the lever; `r` (n, 3) without the phase."""
+    sums, R_bm = reading.sums, D.mount.R_bm
+    ex, ey = R_bm @ E_X, R_bm @ E_Y
+    gain = D.unscaled * D.scale
+    J_c = np.zeros((*r.shape, layout.dim))
 
     def in_m(x: Array) -> Array:
         return so3.mv(to_m, x)
 
-    J_c[:, :, 0:3] = -to_m @ so3.skew(swerve)
-    J_c[:, :, columns.scale] = -in_m(forward[:, None] * travel)
-    if columns.delay >= 0:
-        J_c[:, :, columns.delay] = -in_m(gain[:, None] * so3.mv(sums.distance_rate, ey))
-    if columns.cornering >= 0:
-        J_c[:, :, columns.cornering] = -in_m(so3.mv(sums.bend, ex))
-    tilt = gain[:, None, None] * distance @ mount.R_bm @ so3.skew(E_Y)
-    tilt = tilt - correction.gauge[:, None, None] * sums.turn_abs @ mount.R_bm @ so3.skew(E_Y)
-    tilt = tilt - sideways @ mount.R_bm @ so3.skew(E_X)
-    # D turns with R_bm, and so do the axes the residual is told in
-    axes_turn = so3.skew(r - _phase_row(phase, node))
-    J_c[:, :, columns.mounting : columns.mounting + 2] = (to_m @ tilt + axes_turn) @ mount.jacobian
-    J_c[:, :, columns.lever : columns.lever + 3] = to_m @ (R_ij - np.eye(3))
-    _scatter(J_c, correction.forward_column, -in_m((1 + c[:, columns.scale])[:, None] * travel))
-    _scatter(J_c, correction.lateral_column, in_m(turned))
-
-    terms = (Term("x", node, J_i), Term("x", node + 1, J_j), Term("c", segment, J_c))
-    return whitened("displacement", AXES, time, r, correction.sigma, terms)
+    J_c[:, :, layout.slices[GYRO_BIAS]] = -to_m @ so3.skew(D.swerve)
+    J_c[:, :, layout.column(SCALE)] = -in_m(D.unscaled[:, None] * D.travel)
+    if (delay := layout.find(DELAY)) is not None:
+        J_c[:, :, delay] = -in_m(gain[:, None] * so3.mv(sums.distance_rate, ey))
+    if (cornering := layout.find(CORNERING)) is not None:
+        J_c[:, :, cornering] = -in_m(so3.mv(sums.bend, ex))
+    tilt = gain[:, None, None] * D.distance @ R_bm @ so3.skew(E_Y)
+    tilt = tilt - reading.gauge[:, None, None] * sums.turn_abs @ R_bm @ so3.skew(E_Y)
+    tilt = tilt - D.sideways @ R_bm @ so3.skew(E_X)
+    # D turns with R_bm, and so do the axes the residual is told in; the counter's phase does not
+    J_c[:, :, layout.slices[MOUNTING]] = (to_m @ tilt + so3.skew(r)) @ D.mount.jacobian
+    reading.forward.add_to(J_c, -in_m(D.scale[:, None] * D.travel))
+    reading.lateral.add_to(J_c, in_m(so3.mv(sums.turn, ex)))
+    return J_c
 
 
-def _calibrated(c: Array, column: Index, otherwise: Array) -> Array:
-    """Each factor's own calibration column, (n,), or the fixed value where it has none."""
-    return np.where(column >= 0, c[np.arange(len(c)), column], otherwise)
-
-
-def _phase_row(phase: Array, node: Index) -> Array:
-    """The counter's part of the residual, (n, 3): it does not turn with the mounting."""
-    row = np.zeros((len(node), 3))
-    row[:, 1] = phase[node + 1] - phase[node]
-    return row
-
-
-def _scatter(J: Array, column: Index, value: Array) -> None:
-    """Add (n, 3) derivatives to each factor's own calibration column; -1 is left out."""
-    on = np.flatnonzero(column >= 0)
-    J[on, :, column[on]] += value[on]
-
-
-def phase_prior(phase: Array, time: Array, pulse: float) -> Block:
+def phase_prior(pulse: float, time: Array, x: Estimate) -> Block:
     """Every node's counter phase, uniform within a pulse: `q / (pulse / sqrt(12))`, 1 row."""
-    n = len(phase)
+    n = len(x.phase)
     sd = max(pulse / np.sqrt(12), 1e-5)  # a recorded speed has no phase: the state is held at zero
     jacobian = np.zeros((n, 1, NODE_DIM))
     jacobian[:, 0, PHASE] = 1 / sd
     term = Term("x", np.arange(n), jacobian)
-    return Block("phase", ("phase",), time, phase[:, None] / sd, (term,))
+    return Block(kinds.PHASE, ("phase",), time, x.phase[:, None] / sd, (term,))

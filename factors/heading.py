@@ -5,20 +5,23 @@ r = wrap(atan2(f_e, f_n) - heading) / sigma,   f = R_nb e_y,  clockwise from nor
 
 import numpy as np
 
-from factors import so3
-from factors.block import NODE_DIM, ROTATION, Array, Block, Index, Term
+from factors import kinds, so3
+from factors.block import NODE_DIM, ROTATION, Array, Block, Scope, Term
 from factors.displacement import E_Y
+from factors.estimate import Estimate
 
 
-def heading(value: Array, sigma: Array, node: Index, R: Array, time: Array) -> Block:
-    """Headings `value` (n,) rad with `sigma` (n,) rad at nodes `node`; 1 row, whitened."""
-    forward = R[node] @ E_Y
+def heading(value: Array, sigma: Array, scope: Scope, x: Estimate) -> Block:
+    """Headings `value` (n,) rad with `sigma` (n,) rad at nodes; 1 row, whitened."""
+    node, R = scope.node, x.R_nb[scope.node]
+    forward = R @ E_Y
     east, north = forward[:, 0], forward[:, 1]
     error = np.arctan2(east, north) - value
     residual = (error + np.pi) % (2 * np.pi) - np.pi
     gradient = np.stack([north, -east, np.zeros(len(node))], -1) / (east**2 + north**2)[:, None]
     J = np.zeros((len(node), 1, NODE_DIM))
     # d(R e_y) = -R [e_y]x theta
-    J[:, 0, ROTATION] = np.einsum("ni,nij->nj", gradient, -R[node] @ so3.skew(E_Y))
+    J[:, 0, ROTATION] = np.einsum("ni,nij->nj", gradient, -R @ so3.skew(E_Y))
     term = Term("x", node, J / sigma[:, None, None])
-    return Block("heading", ("heading",), time, (residual / sigma)[:, None], (term,), robust=True)
+    residual = (residual / sigma)[:, None]
+    return Block(kinds.HEADING, ("heading",), scope.time, residual, (term,), robust=True)

@@ -16,15 +16,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Index, Term
-from factors.preintegration import Preintegrated
+from factors import kinds, so3
+from factors.block import (
+    NODE_DIM,
+    POSITION,
+    ROTATION,
+    VELOCITY,
+    Array,
+    Block,
+    Scope,
+    between,
+)
+from factors.calibration import Layout
+from factors.estimate import Estimate
+from factors.preintegration import ACCEL, GYRO, Preintegrated
 
 AXES = ("theta_x", "theta_y", "theta_z", "v_x", "v_y", "v_z", "p_x", "p_y", "p_z")
 
 
 @dataclass(frozen=True)
-class Field:
+class EarthField:
     """Earth rotation and gravity over the run."""
 
     Omega_n: Array  # (3,) rad/s
@@ -47,89 +58,121 @@ def predict(
 
 
 def inertial(
-    pre: Preintegrated,
-    R: Array,
-    v: Array,
-    p: Array,
-    bias: Array,
-    field: Field,
-    time: Array,
-    segment: Index,
-    n_calibration: int,
+    pre: Preintegrated, field: EarthField, layout: Layout, scope: Scope, x: Estimate
 ) -> Block:
-    """All inertial factors of a run.
+    """All inertial factors of a run, one for every interval.
 
-    Args: `R` (N, 3, 3), `v`, `p` (N, 3) the nodes; `bias` (n, 6) in force in each interval, at
-    columns 0:6 of calibration segment `segment` (n,); `time` (N,) s.
     Returns a block of 9 rows [theta rad, v m/s, p m] in the body frame of node i, whitened.
     """
+    m = _motion(pre, field, x, x.calibration[scope.segment, layout.bias] - pre.bias)
     n = len(pre.T)
-    Ri, Rj = R[:-1], R[1:]
-    vi, vj, pi, pj = v[:-1], v[1:], p[:-1], p[1:]
-    Rit = so3.transpose(Ri)
-    T = pre.T[:, None]
-    Omega = field.Omega_n
-    db = bias - pre.bias
-    turned = so3.mv(pre.dR_dbg, db[:, :3])
-    dR = pre.dR @ so3.exp(turned)
-    dv = pre.dv + so3.mv(pre.dv_dbg, db[:, :3]) + so3.mv(pre.dv_dba, db[:, 3:])
-    dp = pre.dp + so3.mv(pre.dp_dbg, db[:, :3]) + so3.mv(pre.dp_dba, db[:, 3:])
-    w = so3.mv(Rit, np.broadcast_to(Omega, (n, 3)))
-
-    E = so3.transpose(so3.exp(-Omega * T) @ Ri @ dR) @ Rj
-    angle = so3.log(E)
-    q_v = so3.mv(Rit, vj - vi - field.g_n * T + 2 * so3.cross(Omega, pj - pi))
-    q_p = so3.mv(
-        Rit,
-        pj
-        - pi
-        - vi * T
-        - 0.5 * field.g_n * T**2
-        + so3.cross(Omega, vi * T**2 + (vj - vi) * T**2 / 3),
-    )
-    y_v, y_p = T * dv - dp, dp * T / 3
     residual = np.concatenate(
-        [so3.mv(pre.dR, angle), q_v + so3.cross(w, y_v) - dv, q_p + so3.cross(w, y_p) - dp], axis=1
+        [
+            so3.mv(pre.dR, m.angle),
+            m.q_v + so3.cross(m.Omega_b, m.y_v) - m.dv,
+            m.q_p + so3.cross(m.Omega_b, m.y_p) - m.dp,
+        ],
+        axis=1,
     )
-
-    Ji, Jj = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))
-    Jb = np.zeros((n, 9, 6))
-    out = pre.dR @ so3.right_jacobian_inverse(angle)
-    th, ve, po = slice(0, 3), slice(3, 6), slice(6, 9)
-    Ji[:, th, ROTATION] = -out @ so3.transpose(E) @ so3.transpose(dR)
-    Jj[:, th, ROTATION] = out
-    Jb[:, th, 0:3] = -out @ so3.transpose(E) @ so3.right_jacobian(turned) @ pre.dR_dbg
-    W = so3.skew(w)
-    Ji[:, ve, ROTATION] = so3.skew(q_v) - so3.skew(y_v) @ W
-    Ji[:, po, ROTATION] = so3.skew(q_p) - so3.skew(y_p) @ W
-    T3 = T[:, :, None]
-    turn = Rit @ so3.skew(Omega)
-    sag = Rit @ field.gradient
-    Ji[:, ve, VELOCITY], Jj[:, ve, VELOCITY] = -Rit, Rit
-    Ji[:, ve, POSITION] = -2 * turn - sag * T3 / 2
-    Jj[:, ve, POSITION] = 2 * turn - sag * T3 / 2
-    Ji[:, po, VELOCITY] = -Rit * T3 + turn * (2 / 3 * T3**2)
-    Jj[:, po, VELOCITY] = turn * (T3**2 / 3)
-    Ji[:, po, POSITION] = -Rit - sag * T3**2 / 4
-    Jj[:, po, POSITION] = Rit - sag * T3**2 / 4
-    # the bias also enters the small Earth-rate terms, at 1e-4 of its main effect
-    Jb[:, ve, 0:3] = W @ (T3 * pre.dv_dbg - pre.dp_dbg) - pre.dv_dbg
-    Jb[:, ve, 3:6] = W @ (T3 * pre.dv_dba - pre.dp_dba) - pre.dv_dba
-    Jb[:, po, 0:3] = (W * (T3 / 3) - np.eye(3)) @ pre.dp_dbg
-    Jb[:, po, 3:6] = (W * (T3 / 3) - np.eye(3)) @ pre.dp_dba
-
+    J_i, J_j = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))
+    J_b = np.zeros((n, 9, 6))
+    _attitude_rows(pre, m, J_i, J_j, J_b)
+    _velocity_rows(pre, field, m, J_i, J_j, J_b)
+    _position_rows(pre, field, m, J_i, J_j, J_b)
     white = pre.whitening
-    Jc = np.zeros((n, 9, n_calibration))
-    Jc[:, :, :6] = white @ Jb
-    index = np.arange(n)
+    J_c = np.zeros((n, 9, layout.dim))
+    J_c[:, :, layout.bias] = white @ J_b
     return Block(
-        kind="inertial",
+        kind=kinds.INERTIAL,
         axes=AXES,
-        time=time[1:],
+        time=scope.time,
         residual=so3.mv(white, residual),
-        terms=(
-            Term("x", index, white @ Ji),
-            Term("x", index + 1, white @ Jj),
-            Term("c", segment, Jc),
-        ),
+        terms=between(scope, white @ J_i, white @ J_j, J_c),
     )
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """The intervals' motion, in the body frame of node i: what residual and Jacobians share."""
+
+    T: Array  # (n, 1) s
+    R_ni_T: Array  # (n, 3, 3) attitude of node i, transposed
+    dR: Array  # (n, 3, 3) sensed rotation with the biases in force
+    dv: Array  # (n, 3)
+    dp: Array
+    bias_turn: Array  # (n, 3) rad, by which the change of the gyro bias turned dR
+    E: Array  # (n, 3, 3) predicted to estimated attitude of node j
+    angle: Array  # (n, 3) its logarithm
+    Omega_b: Array  # (n, 3) Earth rate
+    q_v: Array  # (n, 3) change of velocity the states ask for
+    q_p: Array  # (n, 3) change of position they ask for
+    y_v: Array  # (n, 3) what the Earth rate acts on in the velocity
+    y_p: Array
+
+
+def _motion(pre: Preintegrated, field: EarthField, x: Estimate, db: Array) -> _Motion:
+    """`db` (n, 6): the biases in force less those of the preintegration."""
+    R_i, R_j = x.R_nb[:-1], x.R_nb[1:]
+    v_i, v_j, p_i, p_j = x.v_n[:-1], x.v_n[1:], x.p_n[:-1], x.p_n[1:]
+    R_ni_T = so3.transpose(R_i)
+    T, Omega = pre.T[:, None], field.Omega_n
+    gyro, accel = db[:, GYRO], db[:, ACCEL]
+    bias_turn = so3.mv(pre.dR_dbg, gyro)
+    dR = pre.dR @ so3.exp(bias_turn)
+    dv = pre.dv + so3.mv(pre.dv_dbg, gyro) + so3.mv(pre.dv_dba, accel)
+    dp = pre.dp + so3.mv(pre.dp_dbg, gyro) + so3.mv(pre.dp_dba, accel)
+    E = so3.transpose(so3.exp(-Omega * T) @ R_i @ dR) @ R_j
+    coriolis_v = 2 * so3.cross(Omega, p_j - p_i)
+    coriolis_p = so3.cross(Omega, v_i * T**2 + (v_j - v_i) * T**2 / 3)
+    return _Motion(
+        T=T,
+        R_ni_T=R_ni_T,
+        dR=dR,
+        dv=dv,
+        dp=dp,
+        bias_turn=bias_turn,
+        E=E,
+        angle=so3.log(E),
+        Omega_b=so3.mv(R_ni_T, np.broadcast_to(Omega, (len(T), 3))),
+        q_v=so3.mv(R_ni_T, v_j - v_i - field.g_n * T + coriolis_v),
+        q_p=so3.mv(R_ni_T, p_j - p_i - v_i * T - 0.5 * field.g_n * T**2 + coriolis_p),
+        y_v=T * dv - dp,
+        y_p=dp * T / 3,
+    )
+
+
+def _attitude_rows(pre: Preintegrated, m: _Motion, J_i: Array, J_j: Array, J_b: Array) -> None:
+    out = pre.dR @ so3.right_jacobian_inverse(m.angle)
+    back = -out @ so3.transpose(m.E)
+    J_i[:, ROTATION, ROTATION] = back @ so3.transpose(m.dR)
+    J_j[:, ROTATION, ROTATION] = out
+    J_b[:, ROTATION, GYRO] = back @ so3.right_jacobian(m.bias_turn) @ pre.dR_dbg
+
+
+def _velocity_rows(
+    pre: Preintegrated, field: EarthField, m: _Motion, J_i: Array, J_j: Array, J_b: Array
+) -> None:
+    T, W = m.T[:, :, None], so3.skew(m.Omega_b)
+    turn, sag = m.R_ni_T @ so3.skew(field.Omega_n), m.R_ni_T @ field.gradient
+    J_i[:, VELOCITY, ROTATION] = so3.skew(m.q_v) - so3.skew(m.y_v) @ W
+    J_i[:, VELOCITY, VELOCITY], J_j[:, VELOCITY, VELOCITY] = -m.R_ni_T, m.R_ni_T
+    J_i[:, VELOCITY, POSITION] = -2 * turn - sag * T / 2
+    J_j[:, VELOCITY, POSITION] = 2 * turn - sag * T / 2
+    # the bias also enters the small Earth-rate term, at 1e-4 of its main effect
+    J_b[:, VELOCITY, GYRO] = W @ (T * pre.dv_dbg - pre.dp_dbg) - pre.dv_dbg
+    J_b[:, VELOCITY, ACCEL] = W @ (T * pre.dv_dba - pre.dp_dba) - pre.dv_dba
+
+
+def _position_rows(
+    pre: Preintegrated, field: EarthField, m: _Motion, J_i: Array, J_j: Array, J_b: Array
+) -> None:
+    T, W = m.T[:, :, None], so3.skew(m.Omega_b)
+    turn, sag = m.R_ni_T @ so3.skew(field.Omega_n), m.R_ni_T @ field.gradient
+    J_i[:, POSITION, ROTATION] = so3.skew(m.q_p) - so3.skew(m.y_p) @ W
+    J_i[:, POSITION, VELOCITY] = -m.R_ni_T * T + turn * (2 / 3 * T**2)
+    J_j[:, POSITION, VELOCITY] = turn * (T**2 / 3)
+    J_i[:, POSITION, POSITION] = -m.R_ni_T - sag * T**2 / 4
+    J_j[:, POSITION, POSITION] = m.R_ni_T - sag * T**2 / 4
+    earth = W * (T / 3) - np.eye(3)
+    J_b[:, POSITION, GYRO] = earth @ pre.dp_dbg
+    J_b[:, POSITION, ACCEL] = earth @ pre.dp_dba

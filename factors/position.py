@@ -10,8 +10,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Index, Term
+from factors import kinds, so3
+from factors.block import (
+    NODE_DIM,
+    POSITION,
+    ROTATION,
+    VELOCITY,
+    Array,
+    Block,
+    Scope,
+    Term,
+    whitened,
+)
+from factors.calibration import ANTENNA, GNSS_OFFSET, Layout
+from factors.estimate import Estimate
 
 AXES = ("east", "north", "up")
 
@@ -23,29 +35,21 @@ class Fixes:
     p_n: Array  # (n, 3) m
     sigma: Array  # (n, 3) m
     late: Array  # (n,) s after its node
-    node: Index  # (n,)
-    segment: Index  # (n,) calibration segment
-    time: Array  # (n,) s
 
 
-def position(
-    fixes: Fixes, antenna: int, offset: int, R: Array, v: Array, p: Array, c: Array
-) -> Block:
-    """All fixes as one block of 3 rows [east, north, up], whitened.
-
-    `antenna` and `offset` are the first calibration columns of lever arm and offset; `c` (K, dim)
-    the calibration chain, `R` (N, 3, 3), `v`, `p` (N, 3) the nodes.
-    """
-    n, node = len(fixes.node), fixes.node
-    here = c[fixes.segment]
-    lever, shift = here[:, antenna : antenna + 3], here[:, offset : offset + 3]
-    r = p[node] + v[node] * fixes.late[:, None] + so3.mv(R[node], lever) + shift - fixes.p_n
-    J, J_c = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, c.shape[1]))
-    J[:, :, ROTATION] = -R[node] @ so3.skew(lever)
+def position(fixes: Fixes, layout: Layout, scope: Scope, x: Estimate) -> Block:
+    """All fixes as one block of 3 rows [east, north, up], whitened."""
+    n, node = len(scope.node), scope.node
+    antenna, offset = layout.slices[ANTENNA], layout.slices[GNSS_OFFSET]
+    c, R = x.calibration[scope.segment], x.R_nb[node]
+    lever = c[:, antenna]
+    r = x.p_n[node] + x.v_n[node] * fixes.late[:, None] + so3.mv(R, lever) + c[:, offset]
+    r -= fixes.p_n
+    J, J_c = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, layout.dim))
+    J[:, :, ROTATION] = -R @ so3.skew(lever)
     J[:, :, VELOCITY] = fixes.late[:, None, None] * np.eye(3)
     J[:, :, POSITION] = np.eye(3)
-    J_c[:, :, antenna : antenna + 3] = R[node]
-    J_c[:, :, offset : offset + 3] = np.eye(3)
-    white = 1 / fixes.sigma[:, :, None]
-    terms = (Term("x", node, J * white), Term("c", fixes.segment, J_c * white))
-    return Block("gnss", AXES, fixes.time, r / fixes.sigma, terms, robust=True, sigma=fixes.sigma)
+    J_c[:, :, antenna] = R
+    J_c[:, :, offset] = np.eye(3)
+    terms = (Term("x", node, J), Term("c", scope.segment, J_c))
+    return whitened(kinds.GNSS, AXES, scope.time, r, fixes.sigma, terms)

@@ -15,6 +15,9 @@ from factors import so3
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
+GYRO, ACCEL = slice(0, 3), slice(3, 6)  # columns of a bias (n, 6)
+THETA, V, P = slice(0, 3), slice(3, 6), slice(6, 9)  # rows of the covariance of an interval
+
 
 @dataclass(frozen=True)
 class Increments:
@@ -86,9 +89,9 @@ def preintegrate(inc: Increments, nodes: Index, bias: Array, noise: InertialNois
     owner = interval_of_increment(nodes)
     dt = np.diff(inc.edge)
     # an increment's own rotation turns its bias only by half its angle: well below the noise
-    rotation = inc.rotation - bias[owner, :3] * dt[:, None]
-    velocity = inc.velocity - bias[owner, 3:] * dt[:, None]
-    position = inc.position - 0.5 * bias[owner, 3:] * (dt * dt)[:, None]
+    rotation = inc.rotation - bias[owner, GYRO] * dt[:, None]
+    velocity = inc.velocity - bias[owner, ACCEL] * dt[:, None]
+    position = inc.position - 0.5 * bias[owner, ACCEL] * (dt * dt)[:, None]
     C = since_node(rotation, nodes)
     C_mid = C @ so3.exp(0.5 * rotation)
 
@@ -166,10 +169,10 @@ def _whitening(T: Array, f: Array, jump: Array, density: tuple[Array, Array]) ->
 
     g2, a2 = c(density[0]), c(density[1])
     cov = np.empty((n, 9, 9))
-    cov[:, 0:3, 0:3] = g2 * c(T) * eye
-    cov[:, 3:6, 0:3] = g2 * c(T**2 / 2) * F
-    cov[:, 6:9, 0:3] = g2 * c(T**3 / 6) * F
-    cov[:, 3:6, 3:6] = g2 * c(T**3 / 3) * (F @ Ft) + a2 * c(T) * eye
-    cov[:, 6:9, 3:6] = g2 * c(T**4 / 8) * (F @ Ft) + a2 * c(T**2 / 2) * eye
-    cov[:, 6:9, 6:9] = g2 * c(T**5 / 20) * (F @ Ft) + (a2 * c(T**3 / 3) + c(jump**2)) * eye
+    cov[:, THETA, THETA] = g2 * c(T) * eye
+    cov[:, V, THETA] = g2 * c(T**2 / 2) * F
+    cov[:, P, THETA] = g2 * c(T**3 / 6) * F
+    cov[:, V, V] = g2 * c(T**3 / 3) * (F @ Ft) + a2 * c(T) * eye
+    cov[:, P, V] = g2 * c(T**4 / 8) * (F @ Ft) + a2 * c(T**2 / 2) * eye
+    cov[:, P, P] = g2 * c(T**5 / 20) * (F @ Ft) + (a2 * c(T**3 / 3) + c(jump**2)) * eye
     return np.linalg.inv(np.linalg.cholesky(cov))  # only the lower triangle is read

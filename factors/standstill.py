@@ -10,8 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Index, Term
+from factors import kinds, so3
+from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Scope, Term
+from factors.estimate import Estimate
 
 AXES = ("theta_x", "theta_y", "theta_z", "v_e", "v_n", "v_u", "p_e", "p_n", "p_u")
 
@@ -25,25 +26,24 @@ class StandstillNoise:
     position: float  # m
 
 
-def standstill(
-    node: Index, R: Array, v: Array, p: Array, time: Array, noise: StandstillNoise
-) -> Block:
-    """Standstill factors over the intervals that start at nodes `node` (n,), 9 rows, whitened."""
-    n = len(node)
-    E = so3.transpose(R[node]) @ R[node + 1]
+def standstill(noise: StandstillNoise, scope: Scope, x: Estimate) -> Block:
+    """Standstill factors over intervals: 9 rows, whitened."""
+    node, n = scope.node, len(scope.node)
+    E = so3.transpose(x.R_nb[node]) @ x.R_nb[node + 1]
     angle = so3.log(E)
-    residual = np.concatenate([angle, v[node + 1], p[node + 1] - p[node]], axis=1)
+    moved = x.p_n[node + 1] - x.p_n[node]
+    residual = np.concatenate([angle, x.v_n[node + 1], moved], axis=1)
     J_i, J_j = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))
     Jr = so3.right_jacobian_inverse(angle)
-    J_i[:, 0:3, ROTATION], J_j[:, 0:3, ROTATION] = -Jr @ so3.transpose(E), Jr
-    J_j[:, 3:6, VELOCITY] = np.eye(3)
-    J_i[:, 6:9, POSITION], J_j[:, 6:9, POSITION] = -np.eye(3), np.eye(3)
+    J_i[:, ROTATION, ROTATION], J_j[:, ROTATION, ROTATION] = -Jr @ so3.transpose(E), Jr
+    J_j[:, VELOCITY, VELOCITY] = np.eye(3)
+    J_i[:, POSITION, POSITION], J_j[:, POSITION, POSITION] = -np.eye(3), np.eye(3)
     sigma = [noise.rotation, np.full(3, noise.velocity), np.full(3, noise.position)]
     white = 1 / np.concatenate(sigma)
     return Block(
-        kind="standstill",
+        kind=kinds.STANDSTILL,
         axes=AXES,
-        time=time,
+        time=scope.time,
         residual=residual * white,
         terms=(
             Term("x", node, J_i * white[:, None]),

@@ -17,8 +17,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from factors import kinds
 from factors.block import Block, Index, Term
-from factors.calibration import Layout
+from factors.calibration import SLIP_COEFFICIENT, Layout
+from factors.estimate import Estimate
 
 Array = NDArray[np.float64]
 
@@ -71,21 +73,25 @@ def mismatch(profile: Profile, at: Array, k: Array, arc: Array) -> tuple[Array, 
     return r, dr
 
 
-def terrain_slip(
-    profile: Profile,
-    at: Array,
-    arc: Array,
-    calibration: Array,
-    layout: Layout,
-    segment: Index,
-    sigma: Array,
-    time: Array,
-    side: str,
-) -> Block:
-    """One row per way `at` (n,) m, its `arc` (n,); `sigma` (n,) m, `time` (n,) s."""
-    column = layout.column("slip_coefficient")
-    r, dr = mismatch(profile, at, calibration[segment, column], arc)
-    J = np.zeros((len(at), 1, layout.dim))
-    J[:, 0, column] = dr / sigma
-    term = Term("c", segment, J)
-    return Block("terrain_slip", (side,), time, (r / sigma)[:, None], (term,), robust=True)
+@dataclass(frozen=True)
+class Track:
+    """One side's profile and where along it the mismatch counts."""
+
+    side: str
+    profile: Profile
+    at: Array  # (n,) m, ways at k = 1
+    time: Array  # (n,) s
+    segment: Index  # (n,)
+    arc: Array  # (n,) shortening of the axles' distances in curves
+    offset: Array  # (n,) m, how far the middle wheel runs beside the others' rut (turns)
+    sigma: Array  # (n,) m
+
+
+def terrain_slip(track: Track, layout: Layout, x: Estimate) -> Block:
+    """One row per way along a side's track."""
+    column = layout.column(SLIP_COEFFICIENT)
+    r, dr = mismatch(track.profile, track.at, x.calibration[track.segment, column], track.arc)
+    J = np.zeros((len(track.at), 1, layout.dim))
+    J[:, 0, column] = dr / track.sigma
+    term, residual = Term("c", track.segment, J), (r / track.sigma)[:, None]
+    return Block(kinds.TERRAIN_SLIP, (track.side,), track.time, residual, (term,), robust=True)

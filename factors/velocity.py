@@ -6,47 +6,45 @@ with `w` the body's rate relative to the Earth. Without an odometer the forward 
 (its sigma infinite) and the rest is the plain non-holonomic constraint D1.
 """
 
+from dataclasses import dataclass
+
 import numpy as np
 
-from factors import so3
-from factors.block import NODE_DIM, ROTATION, VELOCITY, Array, Block, Index, Term, whitened
-from factors.displacement import AXES, E_Y, Columns, mounting
+from factors import kinds, so3
+from factors.block import NODE_DIM, ROTATION, VELOCITY, Array, Block, Scope, Term, whitened
+from factors.calibration import LEVER, MOUNTING, SCALE, Layout
+from factors.displacement import AXES, E_Y, mounting
+from factors.estimate import Estimate
 
 
-def velocity(
-    speed: Array,
-    lateral: Array,
-    sigma: Array,
-    rate_b: Array,
-    columns: Columns,
-    roll: float,
-    node: Index,
-    R: Array,
-    v: Array,
-    c: Array,
-    segment: Index,
-    time: Array,
-) -> Block:
-    """Velocity factors at nodes `node` (n,).
+@dataclass(frozen=True)
+class VelocityReading:
+    """What is known of the vehicle point's velocity at n nodes."""
 
-    Args: `speed` (n,) m/s corrected odometer speed before the scale factor, `lateral` (n,) m/s,
-    `sigma` (n, 3) m/s (inf leaves a row out), `rate_b` (n, 3) rad/s, `c` (n, dim) calibration.
-    Returns a block of 3 rows [lateral, forward, vertical], whitened.
-    """
-    n = len(node)
-    mount = mounting(c[:, columns.mounting : columns.mounting + 2], roll)
-    R_mb = so3.transpose(mount.R_bm)
-    lever = c[:, columns.lever : columns.lever + 3]
-    v_b = so3.mtv(R[node], v[node])
-    v_m = so3.mv(R_mb, v_b + so3.cross(rate_b, lever))
-    r = v_m - ((1 + c[:, columns.scale]) * speed)[:, None] * E_Y
-    r[:, 0] -= lateral
+    speed: Array  # (n,) m/s, corrected odometer speed before the scale factor
+    lateral: Array  # (n,) m/s
+    rate_b: Array  # (n, 3) rad/s, body relative to the Earth
+    sigma: Array  # (n, 3) m/s; very large leaves a row out
+    roll: float  # rad, of the mounting
 
-    J_x, J_c = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, c.shape[1]))
+
+def velocity(reading: VelocityReading, layout: Layout, scope: Scope, x: Estimate) -> Block:
+    """Velocity factors at nodes: 3 rows [lateral, forward, vertical], whitened."""
+    n, c = len(scope.node), x.calibration[scope.segment]
+    speed, rate_b = reading.speed, reading.rate_b
+    scale, angles, arm = layout.column(SCALE), layout.slices[MOUNTING], layout.slices[LEVER]
+    mount = mounting(c[:, angles], reading.roll)
+    R_mb, R_nb = so3.transpose(mount.R_bm), x.R_nb[scope.node]
+    v_b = so3.mtv(R_nb, x.v_n[scope.node])
+    v_m = so3.mv(R_mb, v_b + so3.cross(rate_b, c[:, arm]))
+    r = v_m - ((1 + c[:, scale]) * speed)[:, None] * E_Y
+    r[:, 0] -= reading.lateral
+
+    J_x, J_c = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, layout.dim))
     J_x[:, :, ROTATION] = R_mb @ so3.skew(v_b)
-    J_x[:, :, VELOCITY] = R_mb @ so3.transpose(R[node])
-    J_c[:, 1, columns.scale] = -speed
-    J_c[:, :, columns.mounting : columns.mounting + 2] = so3.skew(v_m) @ mount.jacobian
-    J_c[:, :, columns.lever : columns.lever + 3] = R_mb @ so3.skew(rate_b)
-    terms = (Term("x", node, J_x), Term("c", segment, J_c))
-    return whitened("velocity", AXES, time, r, sigma, terms)
+    J_x[:, :, VELOCITY] = R_mb @ so3.transpose(R_nb)
+    J_c[:, 1, scale] = -speed
+    J_c[:, :, angles] = so3.skew(v_m) @ mount.jacobian
+    J_c[:, :, arm] = R_mb @ so3.skew(rate_b)
+    terms = (Term("x", scope.node, J_x), Term("c", scope.segment, J_c))
+    return whitened(kinds.VELOCITY, AXES, scope.time, r, reading.sigma, terms)

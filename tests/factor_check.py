@@ -6,7 +6,7 @@ import numpy as np
 
 from factors import so3
 from factors.block import NODE_DIM, Block
-from graphnav.graph.estimate import Estimate
+from factors.estimate import Estimate
 
 Function = Callable[[Estimate], Block]
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from factors import so3
+from factors.estimate import Estimate
 from factors.preintegration import Increments, InertialNoise, Preintegrated, preintegrate
 from graphnav.common.earth import Origin
 from graphnav.graph.densify import Path, densify
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.nodes import Nodes, place_nodes
 from graphnav.inertial.reckoning import inertial_path
 

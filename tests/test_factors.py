@@ -1,27 +1,39 @@
 """Every factor: Jacobian against numerical differences at random states, zero at truth."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from factor_check import assert_jacobian, random_estimate
 
 from factors import so3
-from factors.block import Block
+from factors.block import Block, Scope
 from factors.calibration import Component, Layout, walk
 from factors.calibration import prior as calibration_prior
-from factors.displacement import Columns, Correction, OdometerSums, displacement, phase_prior
+from factors.displacement import (
+    Coefficient,
+    DisplacementReading,
+    OdometerSums,
+    displacement,
+    phase_prior,
+)
+from factors.estimate import Estimate
 from factors.heading import heading
-from factors.inertial import Field, inertial, predict
+from factors.inertial import EarthField, inertial, predict
 from factors.position import Fixes, position
 from factors.preintegration import Increments, InertialNoise, Preintegrated, preintegrate
 from factors.standstill import StandstillNoise, standstill
 from factors.start import Start, start
 from factors.track_width import track_width
-from factors.velocity import velocity
-from graphnav.graph.estimate import Estimate
+from factors.velocity import VelocityReading, velocity
 
-COLUMNS = Columns(scale=6, mounting=7, lever=9, delay=12, cornering=15)
-DIM = 16  # biases, scale, mounting, lever, delay, one ground factor,
-# one lateral offset, cornering slip
+SIZES = {
+    "gyro_bias": 3, "accel_bias": 3, "scale": 1, "mounting": 2, "lever": 3, "delay": 1,
+    "forward:low": 1, "lateral:low": 1, "cornering": 1, "track_width": 1, "antenna": 3,
+    "gnss_offset": 3,
+}  # fmt: skip
+LAYOUT = Layout(tuple(Component(name, np.zeros(d), np.ones(d)) for name, d in SIZES.items()))
+DIM, BIAS = LAYOUT.dim, LAYOUT.bias
 NODES = np.array([0, 20, 40, 55])
 SEGMENT = np.array([0, 0, 1])
 OMEGA = np.array([0.0, 5e-5, 5e-5])
@@ -46,10 +58,16 @@ def make_pre(rng: np.random.Generator) -> Preintegrated:
     return preintegrate(make_increments(rng), NODES, bias, InertialNoise(1e-5, 1e-3))
 
 
-def inertial_of(pre: Preintegrated, field: Field, x: Estimate) -> Block:
-    bias = x.calibration[SEGMENT, :6]
-    time = np.array([0, 1, 2, 2.75])
-    return inertial(pre, x.R_nb, x.v_n, x.p_n, bias, field, time, SEGMENT, DIM)
+def scope(node: np.ndarray | list[int], segment: np.ndarray | list[int]) -> Scope:
+    """Factors at some nodes, stamped a second apart."""
+    return Scope(np.asarray(node), np.asarray(segment), np.arange(len(node)) + 1.0)
+
+
+INTERVALS = scope(np.arange(3), SEGMENT)
+
+
+def inertial_of(pre: Preintegrated, field: EarthField, x: Estimate) -> Block:
+    return inertial(pre, field, LAYOUT, INTERVALS, x)
 
 
 @SEEDS
@@ -58,12 +76,12 @@ def test_inertial_jacobian(seed: int) -> None:
     rng = np.random.default_rng(seed)
     pre = make_pre(rng)
     x = random_estimate(rng, 4, 2, DIM)
-    x.calibration[:, :6] = 1e-3 * rng.normal(size=(2, 6))
+    x.calibration[:, BIAS] = 1e-3 * rng.normal(size=(2, 6))
     for k in range(3):  # relative rotations near the measured ones keep Log away from pi
         near = so3.exp(0.1 * rng.normal(size=3))
         x.R_nb[k + 1] = x.R_nb[k] @ pre.dR[k] @ near
     gravity = np.tile([0, 0, -9.8], (3, 1))
-    field = Field(OMEGA, gravity, np.zeros((3, 3)))
+    field = EarthField(OMEGA, gravity, np.zeros((3, 3)))
     assert_jacobian(lambda e: inertial_of(pre, field, e), x, 3e-5)
 
 
@@ -78,7 +96,7 @@ def test_inertial_gravity_gradient_enters_the_jacobian() -> None:
 
     def at(e: Estimate) -> Block:
         middle = 0.5 * (e.p_n[1:] + e.p_n[:-1])
-        return inertial_of(pre, Field(OMEGA, middle @ gradient.T, gradient), e)
+        return inertial_of(pre, EarthField(OMEGA, middle @ gradient.T, gradient), e)
 
     assert_jacobian(at, x, 3e-5)
 
@@ -97,12 +115,12 @@ def test_inertial_is_zero_on_its_own_prediction() -> None:
     c = np.zeros((2, DIM))
     x = Estimate(np.array(R), np.array(v), np.array(p), np.zeros(4), c)
     pre0 = Preintegrated(**{**pre.__dict__, "bias": np.zeros((3, 6))})
-    block = inertial_of(pre0, Field(OMEGA, np.tile(g, (3, 1)), np.zeros((3, 3))), x)
+    block = inertial_of(pre0, EarthField(OMEGA, np.tile(g, (3, 1)), np.zeros((3, 3))), x)
     raw = np.linalg.solve(pre.whitening, block.residual[:, :, None])[:, :, 0]
     assert np.abs(raw).max() < 1e-8
 
 
-def displacement_setup(rng: np.random.Generator) -> tuple[OdometerSums, Correction]:
+def random_reading(rng: np.random.Generator) -> DisplacementReading:
     sums = OdometerSums(
         distance=10 * so3.exp(0.1 * rng.normal(size=(3, 3))),
         distance_rate=rng.normal(size=(3, 3, 3)),
@@ -114,32 +132,26 @@ def displacement_setup(rng: np.random.Generator) -> tuple[OdometerSums, Correcti
         delay=0.02,
         bias=np.zeros((3, 3)),
     )
-    correction = Correction(
-        forward=np.array([1.0, 0.87, 0.7]),
+    forward, lateral = np.array([1.0, 0.87, 0.7]), np.array([0.0, 0.4, 0.3])
+    at_f, at_l = LAYOUT.column("forward:low"), LAYOUT.column("lateral:low")
+    return DisplacementReading(
+        sums=sums,
+        forward=Coefficient(forward, np.array([1, 2]), np.array([at_f, at_f])),
+        lateral=Coefficient(lateral, np.array([1]), np.array([at_l])),
         gauge=np.array([0.0, 1.4, 1.4]),
-        lateral=np.array([0.0, 0.4, 0.3]),
-        forward_column=np.array([-1, 13, 13]),
-        lateral_column=np.array([-1, 14, -1]),
+        roll=0.03,
         sigma=np.array([[0.1, 0.02, 0.05]] * 3),
     )
-    return sums, correction
 
 
 @SEEDS
 def test_displacement_jacobian(seed: int) -> None:
     rng = np.random.default_rng(seed)
-    sums, correction = displacement_setup(rng)
+    reading = random_reading(rng)
     x = random_estimate(rng, 4, 2, DIM)
-    sums = OdometerSums(**{**sums.__dict__, "bias": x.calibration[SEGMENT, :3]})
-    node = np.arange(3)
-
-    def at(e: Estimate) -> Block:
-        c = e.calibration[SEGMENT]
-        return displacement(
-            sums, correction, COLUMNS, 0.03, node, e.R_nb, e.p_n, e.phase, c, SEGMENT, node + 1.0
-        )
-
-    assert_jacobian(at, x)
+    sums = replace(reading.sums, bias=x.calibration[SEGMENT][:, LAYOUT.slices["gyro_bias"]])
+    reading = replace(reading, sums=sums)
+    assert_jacobian(lambda e: displacement(reading, LAYOUT, INTERVALS, e), x)
 
 
 def test_displacement_follows_gyro_bias_and_delay() -> None:
@@ -151,12 +163,16 @@ def test_displacement_follows_gyro_bias_and_delay() -> None:
     inc = make_increments(rng, 0.01)  # the bias term is first order in the turn of an interval
     t = np.arange(-1, 4, 0.01)
     odometer = Odometer(t, 3 * t + 0.3 * np.sin(3 * t), 3 + 0.9 * np.cos(3 * t), 0.0)
-    _, correction = displacement_setup(rng)
-    plain = Correction(**{**correction.__dict__, "gauge": np.zeros(3), "lateral": np.zeros(3)})
-    plain = Correction(**{**plain.__dict__, "lateral_column": np.full(3, -1)})
+    none = np.zeros(0, np.int64)
+    reading = replace(
+        random_reading(rng),
+        gauge=np.zeros(3),
+        lateral=Coefficient(np.zeros(3), none, none),
+        roll=0.0,
+    )
     x = random_estimate(rng, 4, 2, DIM)
     x.calibration[:] = 0
-    x.calibration[:, 13] = 0.9
+    x.calibration[:, LAYOUT.column("forward:low")] = 0.9
 
     def residual(bias: np.ndarray, delay: float) -> Block:
         pre = preintegrate(
@@ -167,11 +183,7 @@ def test_displacement_follows_gyro_bias_and_delay() -> None:
         # only the sums are compared: the axes stay, and the factor adds no first-order change
         fixed = {"R_mid": np.tile(np.eye(3), (3, 1, 1)), "delay": 0.0, "bias": np.zeros((3, 3))}
         sums = OdometerSums(**{**sums.__dict__, **fixed})
-        c = x.calibration[SEGMENT]
-        node = np.arange(3)
-        return displacement(
-            sums, plain, COLUMNS, 0.0, node, x.R_nb, x.p_n, x.phase, c, SEGMENT, node + 1.0
-        )
+        return displacement(replace(reading, sums=sums), LAYOUT, INTERVALS, x)
 
     J = residual(np.zeros(3), 0.0).terms[2].jacobian
     h = 1e-5
@@ -182,24 +194,23 @@ def test_displacement_follows_gyro_bias_and_delay() -> None:
     numerical = (
         residual(np.zeros(3), 0.02).residual - residual(np.zeros(3), -0.02).residual
     ) / 0.04
-    np.testing.assert_allclose(J[:, :, 12], numerical, atol=0.03 * np.abs(J[:, :, 12]).max())
+    J_delay = J[:, :, LAYOUT.column("delay")]
+    np.testing.assert_allclose(J_delay, numerical, atol=0.03 * np.abs(J_delay).max())
 
 
 @SEEDS
 def test_velocity_jacobian(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = random_estimate(rng, 4, 2, DIM)
-    node = np.arange(1, 4)
-    speed, lateral, rate = rng.normal(size=3), rng.normal(size=3), rng.normal(size=(3, 3))
-    sigma = np.full((3, 3), 0.1)
-
-    def at(e: Estimate) -> Block:
-        c = e.calibration[SEGMENT]
-        return velocity(
-            speed, lateral, sigma, rate, COLUMNS, 0.02, node, e.R_nb, e.v_n, c, SEGMENT, node * 1.0
-        )
-
-    assert_jacobian(at, x)
+    reading = VelocityReading(
+        speed=rng.normal(size=3),
+        lateral=rng.normal(size=3),
+        rate_b=rng.normal(size=(3, 3)),
+        sigma=np.full((3, 3), 0.1),
+        roll=0.02,
+    )
+    at_ends = scope(np.arange(1, 4), SEGMENT)
+    assert_jacobian(lambda e: velocity(reading, LAYOUT, at_ends, e), x)
 
 
 @SEEDS
@@ -209,28 +220,17 @@ def test_jacobians_of_the_plain_factors(seed: int) -> None:
     x.R_nb[2] = x.R_nb[1] @ so3.exp(0.3 * rng.normal(size=3))
     time = np.arange(4.0)
     noise = StandstillNoise(np.array([1e-3, 2e-3, 3e-3]), 1e-2, 1e-2)
-    at_nodes = np.array([0, 2])
-    fixes = Fixes(
-        rng.normal(size=(2, 3)), np.ones((2, 3)), np.array([0.01, -0.02]), at_nodes,
-        np.array([0, 1]), time[:2],
-    )  # fmt: skip
+    at_nodes, second = scope([0, 2], [0, 1]), scope([1], [1])
+    fixes = Fixes(rng.normal(size=(2, 3)), np.ones((2, 3)), np.array([0.01, -0.02]))
+    seen, sigma = np.array([0.1, 3.0]), np.array([0.01, 0.02])
     known = Start(x.R_nb[0] @ so3.exp(0.2 * rng.normal(size=3)), x.v_n[0], x.p_n[0], np.ones(9))
     for function in (
-        lambda e: standstill(np.array([1]), e.R_nb, e.v_n, e.p_n, time[:1], noise),
-        lambda e: position(fixes, 9, 12, e.R_nb, e.v_n, e.p_n, e.calibration),
-        lambda e: heading(np.array([0.1, 3.0]), np.array([0.01, 0.02]), at_nodes, e.R_nb, time[:2]),
-        lambda e: start(known, e.R_nb[0], e.v_n[0], e.p_n[0], 0.0),
-        lambda e: phase_prior(e.phase, time, 0.02),
-        lambda e: track_width(
-            np.array([0.3]),
-            np.array([0.05]),
-            6,
-            np.array([1]),
-            e.R_nb,
-            e.calibration[[1]],
-            np.array([1]),
-            time[:1],
-        ),
+        lambda e: standstill(noise, second, e),
+        lambda e: position(fixes, LAYOUT, at_nodes, e),
+        lambda e: heading(seen, sigma, at_nodes, e),
+        lambda e: start(known, 0.0, e),
+        lambda e: phase_prior(0.02, time, e),
+        lambda e: track_width(np.array([0.3]), np.array([0.05]), LAYOUT, second, e),
     ):
         assert_jacobian(function, x, 1e-5)
 
@@ -245,7 +245,7 @@ def test_calibration_chain() -> None:
         )
     )
     assert layout.dim == 6
-    assert layout.column("scale") == 3 and layout.column("delay") == -1
+    assert layout.column("scale") == 3 and layout.find("delay") is None
     x = random_estimate(rng, 2, 3, layout.dim)
     time = np.array([5.0, 15.0, 25.0])
     assert_jacobian(lambda e: calibration_prior(layout, e.calibration), x)
@@ -263,31 +263,21 @@ def test_zero_at_truth_of_the_plain_factors() -> None:
     rng = np.random.default_rng(2)
     x = random_estimate(rng, 3, 1, DIM)
     x.R_nb[:], x.p_n[:], x.v_n[:] = x.R_nb[0], x.p_n[0], 0.0
-    node, time = np.array([0, 1]), np.array([1.0, 2.0])
-    lever = rng.normal(size=3)
-    fix = x.p_n[node] + x.R_nb[node] @ lever
-    forward = x.R_nb[node] @ np.array([0, 1.0, 0])
+    at_nodes = scope([0, 1], [0, 0])
+    x.calibration[:, LAYOUT.slices["gnss_offset"]] = 0.0
+    fix = x.p_n[:2] + x.R_nb[:2] @ x.calibration[0, LAYOUT.slices["antenna"]]
+    forward = x.R_nb[:2] @ np.array([0, 1.0, 0])
     azimuth = np.arctan2(forward[:, 0], forward[:, 1])
     known = Start(x.R_nb[0], x.v_n[0], x.p_n[0], np.ones(9))
-    c = np.concatenate([lever, np.zeros(3)])[None]
     blocks = [
-        standstill(node, x.R_nb, x.v_n, x.p_n, time, StandstillNoise(np.full(3, 1e-6), 1e-3, 1e-3)),
-        position(
-            Fixes(fix, np.ones((2, 3)), np.zeros(2), node, np.zeros(2, np.int64), time),
-            0,
-            3,
-            x.R_nb,
-            x.v_n,
-            x.p_n,
-            c,
-        ),
-        heading(azimuth + 2 * np.pi, np.full(2, 0.01), node, x.R_nb, time),
-        start(known, x.R_nb[0], x.v_n[0], x.p_n[0], 0.0),
+        standstill(StandstillNoise(np.full(3, 1e-6), 1e-3, 1e-3), at_nodes, x),
+        position(Fixes(fix, np.ones((2, 3)), np.zeros(2)), LAYOUT, at_nodes, x),
+        heading(azimuth + 2 * np.pi, np.full(2, 0.01), at_nodes, x),
+        start(known, 0.0, x),
     ]
     turned = np.stack([x.R_nb[0], x.R_nb[0] @ so3.exp(np.array([0, 0, 0.4]))])
-    width = np.full((1, DIM), 0.9)
-    first = np.zeros(1, np.int64)
-    swept = np.array([0.36])
-    blocks.append(track_width(swept, np.ones(1), 6, first, turned, width, first, time[:1]))
+    x.calibration[:, LAYOUT.column("track_width")] = 0.9
+    turning = replace(x, R_nb=turned)
+    blocks.append(track_width(np.array([0.36]), np.ones(1), LAYOUT, scope([0], [0]), turning))
     for block in blocks:
         assert np.abs(block.residual).max() < 1e-9, block.kind

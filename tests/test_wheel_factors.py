@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from factor_check import assert_jacobian, random_estimate
 
+from factors import rover_wheels as rw
 from factors import so3
 from factors import terrain_slip as ts
-from factors import wheel_velocity as wv
-from factors.block import Block
+from factors.block import Block, Scope
 from factors.calibration import Component, Layout
-from graphnav.graph.estimate import Estimate
+from factors.estimate import Estimate
 
 SEEDS = pytest.mark.parametrize("seed", range(3))
 NAMES = ("accel_bias", "toe", "slip_coefficient", "side_slip", "yaw_slip")
@@ -26,6 +26,7 @@ LAYOUT = Layout(
 N = 5
 SEGMENT = np.array([0, 0, 1, 1])
 TIME = np.linspace(0.0, N - 1.0, N)
+INTERVALS = Scope(np.arange(N - 1), SEGMENT, TIME[1:])
 
 
 def states(rng: np.random.Generator) -> Estimate:
@@ -37,9 +38,9 @@ def states(rng: np.random.Generator) -> Estimate:
     return x
 
 
-def random_sums(rng: np.random.Generator) -> wv.WheelSums:
+def random_sums(rng: np.random.Generator) -> rw.WheelSums:
     n = N - 1
-    return wv.WheelSums(
+    return rw.WheelSums(
         displacement=0.1 * rng.normal(size=(n, 3)),
         path=rng.uniform(0.05, 0.2, n),
         ahead=rng.uniform(-0.2, 0.2, n),
@@ -54,10 +55,7 @@ def test_wheel_displacement_jacobian(seed: int) -> None:
     x, sums, sigma = states(rng), random_sums(rng), np.full((N - 1, 3), 0.7)
 
     def block(x: Estimate) -> Block:
-        turn = wv.interval(x.R_nb)
-        return wv.wheel_displacement(
-            sums, turn, x.R_nb, x.p_n, x.calibration, LAYOUT, SEGMENT, sigma, TIME
-        )
+        return rw.wheel_displacement(sums, rw.turns(x.R_nb), sigma, LAYOUT, INTERVALS, x)
 
     assert_jacobian(block, x)
 
@@ -66,49 +64,33 @@ def test_wheel_displacement_jacobian(seed: int) -> None:
 def test_wheel_yaw_tilt_level_and_speed_jacobians(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x, sums, sigma = states(rng), random_sums(rng), np.full(N, 0.7)
-    g_n, vectors, at_node = (
-        np.array([0.0, 0.0, -9.8]),
-        rng.normal(size=(N, 3)),
-        np.append(SEGMENT, 1),
-    )
-    every = np.arange(N)
-    assert_jacobian(
-        lambda x: wv.wheel_yaw(
-            sums, wv.interval(x.R_nb), x.calibration, LAYOUT, SEGMENT, sigma[1:], TIME
-        ),
-        x,
-    )
-    assert_jacobian(lambda x: wv.tilt(wv.interval(x.R_nb), sigma[1:], TIME), x)
-    assert_jacobian(
-        lambda x: wv.level(
-            vectors, every, x.R_nb, g_n, x.calibration, LAYOUT, at_node, sigma, TIME
-        ),
-        x,
-    )
-    assert_jacobian(
-        lambda x: wv.wheel_speed(
-            vectors, x.R_nb, x.v_n, x.calibration, LAYOUT, at_node, sigma, TIME
-        ),
-        x,
-    )
+    g_n, vectors = np.array([0.0, 0.0, -9.8]), rng.normal(size=(N, 3))
+    every = Scope(np.arange(N), np.array([0, 0, 0, 1, 1]), TIME)
+    for function in (
+        lambda x: rw.wheel_yaw(sums, rw.turns(x.R_nb), sigma[1:], LAYOUT, INTERVALS, x),
+        lambda x: rw.tilt(rw.turns(x.R_nb), sigma[1:], INTERVALS),
+        lambda x: rw.level(vectors, g_n, sigma, LAYOUT, every, x),
+        lambda x: rw.wheel_speed(vectors, sigma, LAYOUT, every, x),
+    ):
+        assert_jacobian(function, x)
 
 
 @SEEDS
 def test_bounds_and_wander_jacobians(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = states(rng)
-    wandering = (wv.Wandering(LAYOUT.components[2], 20.0),)
+    wandering = (rw.Wandering(LAYOUT.components[2], 20.0),)
     path, time = np.array([3.0, 8.0]), np.array([5.0, 15.0])
     for which in range(2):
 
         def wander(x: Estimate, which: int = which) -> Block:
-            return wv.wander(LAYOUT, wandering, x.calibration, path, time)[which]
+            return rw.wander(LAYOUT, wandering, x.calibration, path, time)[which]
 
         assert_jacobian(wander, x)
     x.calibration[:, LAYOUT.column("slip_coefficient")] = [1.4, 0.2]
 
     def block(x: Estimate) -> Block:
-        return wv.bounds(LAYOUT, "slip_coefficient", 0.7, 1.0, 0.1, x.calibration, time)
+        return rw.bounded(rw.Bounds("slip_coefficient", 0.7, 1.0, 0.1), LAYOUT, time, x)
 
     assert_jacobian(block, x)
     np.testing.assert_allclose(block(x).residual[:, 0], [4.0, -5.0])
@@ -141,13 +123,19 @@ def test_terrain_slip_jacobian() -> None:
     x = states(rng)
     x.calibration[:, LAYOUT.column("slip_coefficient")] = [0.85, 0.93]
     s = np.arange(0.0, 40.0, 0.02)
-    smooth = ts.Profile(0.02, 0.1 * s**2, -0.05 * s**2, 0.8, 0.5)  # np.gradient is exact on it
-    at = np.round(rng.uniform(3, 36, 4), 2)
-    arc = rng.uniform(0.97, 1, 4)
+    track = ts.Track(
+        side="left",
+        profile=ts.Profile(0.02, 0.1 * s**2, -0.05 * s**2, 0.8, 0.5),  # np.gradient is exact on it
+        at=np.round(rng.uniform(3, 36, 4), 2),
+        time=np.arange(4.0),
+        segment=SEGMENT,
+        arc=rng.uniform(0.97, 1, 4),
+        offset=np.zeros(4),
+        sigma=np.full(4, 0.01),
+    )
 
     def block(x: Estimate) -> Block:
-        sigma, time = np.full(4, 0.01), np.arange(4.0)
-        return ts.terrain_slip(smooth, at, arc, x.calibration, LAYOUT, SEGMENT, sigma, time, "left")
+        return ts.terrain_slip(track, LAYOUT, x)
 
     assert_jacobian(block, x, rtol=0.02)  # the profile is a polygon: its slope is a step function
 

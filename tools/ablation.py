@@ -20,6 +20,7 @@ from rich.box import MARKDOWN
 from rich.console import Console
 from rich.table import Table
 
+from factors.estimate import Estimate
 from graphnav.batch.finish import finish
 from graphnav.batch.smoother import Smoothed, smooth
 from graphnav.common.earth import Origin
@@ -28,7 +29,6 @@ from graphnav.common.run import Run
 from graphnav.graph.densify import Path as Motion
 from graphnav.graph.densify import densify
 from graphnav.graph.elimination import covariances
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.preparation import Prepared, params, prepare
 from graphnav.graph.problem import build
 from graphnav.graph.solve import gauss_newton

@@ -3,6 +3,7 @@
 import numpy as np
 
 from factors import so3
+from factors.calibration import LEVER, MOUNTING, SCALE, forward_of, lateral_of
 from graphnav.batch.learnt import calibrated, verdicts
 from graphnav.batch.smoother import Smoothed
 from graphnav.common.earth import Origin
@@ -18,7 +19,7 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
     origin = prep.setup.alignment.origin
     found = calibrated(smoothed)
     layout = prep.setup.layout
-    pitch, heading = estimate.calibration[-1, layout.slices["mounting"]]
+    pitch, heading = estimate.calibration[-1, layout.slices[MOUNTING]]
     R_bm = so3.exp(np.array([pitch, prep.setup.vehicle.odometer.mount_b[1], heading]))
     return Solved(
         run=recorded,
@@ -80,23 +81,23 @@ def _odometry(smoothed: Smoothed, R_bm: Array) -> Odometry | None:
     names = driven(prep, smoothed.timeline.state_at(motion.time))
     last = estimate.calibration[-1]
 
-    def learnt(prefix: str, state: str, otherwise: float) -> float:
-        column = layout.column(f"{prefix}:{state}")
-        return float(last[column]) if column >= 0 else otherwise
+    def learnt(name: str, otherwise: float) -> float:
+        column = layout.find(name)
+        return otherwise if column is None else float(last[column])
 
-    scale_column = estimate.calibration[:, layout.column("scale")]
+    scale_column = estimate.calibration[:, layout.column(SCALE)]
     scale = 1 + np.interp(motion.time, nodes.segment_time, scale_column)
     v_x, v_y = np.zeros(len(names)), np.full(len(names), np.nan)
     for state in np.unique(names):
         row, on = prep.setup.table[str(state)], names == state
         length = prep.setup.vehicle.body.contact_length
-        v_x[on] = -learnt("lateral", str(state), row.kappa * length) * motion.yaw_rate[on]
+        v_x[on] = -learnt(lateral_of(str(state)), row.kappa * length) * motion.yaw_rate[on]
         if row.use_odometer:
-            factor = learnt("forward", str(state), row.factor)
+            factor = learnt(forward_of(str(state)), row.factor)
             sweep = row.half_gauge * np.abs(motion.yaw_rate[on]) * np.sign(motion.v_o[on])
             v_y[on] = factor * scale[on] * motion.v_o[on] - sweep
     v_x[np.isnan(v_y)] = np.nan
     # told at the IMU, as the trajectory is: the odometer point swings about it
-    lever_m = R_bm.T @ last[layout.slices["lever"]]
+    lever_m = R_bm.T @ last[layout.slices[LEVER]]
     swing = motion.yaw_rate
     return Odometry(motion.time, motion.v_o, v_x + swing * lever_m[1], v_y - swing * lever_m[0])

@@ -3,10 +3,11 @@
 import numpy as np
 
 from factors import so3
+from factors.calibration import GYRO_BIAS
 from factors.displacement import E_Y
+from factors.estimate import Estimate
 from factors.preintegration import preintegrate
 from graphnav.graph.densify import Path, densify
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.motion import sums_of
 from graphnav.graph.nodes import Nodes
 from graphnav.graph.preparation import Prepared
@@ -22,10 +23,9 @@ def first_path(prep: Prepared, nodes: Nodes) -> tuple[Estimate, Path]:
     """
     origin, start = prep.setup.alignment.origin, prep.setup.alignment.start
     calibration = np.tile(prep.setup.layout.prior, (len(nodes.segment_time), 1))
-    calibration[:, :3] = prep.setup.alignment.gyro_bias
-    pre = preintegrate(
-        prep.sensed.inc, nodes.edge, calibration[nodes.segment, :6], prep.setup.noise
-    )
+    calibration[:, prep.setup.layout.slices[GYRO_BIAS]] = prep.setup.alignment.gyro_bias
+    bias = calibration[nodes.segment, prep.setup.layout.bias]
+    pre = preintegrate(prep.sensed.inc, nodes.edge, bias, prep.setup.noise)
     R_bm = so3.exp(prep.setup.vehicle.odometer.mount_b)
     odometer = prep.sensed.run.odometer
     if odometer is None:

@@ -3,6 +3,21 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from factors import kinds
+from factors.calibration import (
+    ACCEL_BIAS,
+    ANTENNA,
+    CORNERING,
+    DELAY,
+    GNSS_OFFSET,
+    GYRO_BIAS,
+    LEVER,
+    MOUNTING,
+    SCALE,
+    TRACK_WIDTH,
+    forward_of,
+    lateral_of,
+)
 from graphnav.batch.smoother import Smoothed
 from graphnav.common.run import Array
 from graphnav.graph.calibrations import DEG_H, MG
@@ -45,35 +60,33 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
         span = layout.slices[name]
         return list(range(span.start, span.stop))
 
-    add("gyro_bias_deg_h", "deg/h", XYZ, of("gyro_bias"), DEG_H)
-    add("accel_bias_mg", "mg", XYZ, of("accel_bias"), MG)
+    add("gyro_bias_deg_h", "deg/h", XYZ, of(GYRO_BIAS), DEG_H)
+    add("accel_bias_mg", "mg", XYZ, of(ACCEL_BIAS), MG)
     if prep.sensed.run.odometer is not None:
-        add("odometer_scale", "1", ("scale",), of("scale"), 1.0)
-    add("mounting_deg", "deg", ("pitch", "heading"), of("mounting"), DEG)
-    add("lever_arm_m", "m", XYZ, of("lever"), 1.0)
-    if "delay" in layout.slices and prep.sensed.run.odometer is not None:
-        add("time_offset_s", "s", ("odometer",), of("delay"), 1.0)
-    if "cornering" in layout.slices:
-        add("cornering_slip_s", "s", ("tyres",), of("cornering"), 1.0)
-    if "antenna" in layout.slices:
-        add("antenna_lever_arm_m", "m", XYZ, of("antenna"), 1.0)
-        add("gnss_offset_m", "m", ("east", "north", "up"), of("gnss_offset"), 1.0)
-    if "track_width" in layout.slices:
-        add("effective_track_width_m", "m", ("width",), of("track_width"), 1.0)
+        add("odometer_scale", "1", ("scale",), of(SCALE), 1.0)
+    add("mounting_deg", "deg", ("pitch", "heading"), of(MOUNTING), DEG)
+    add("lever_arm_m", "m", XYZ, of(LEVER), 1.0)
+    if DELAY in layout.slices and prep.sensed.run.odometer is not None:
+        add("time_offset_s", "s", ("odometer",), of(DELAY), 1.0)
+    if CORNERING in layout.slices:
+        add("cornering_slip_s", "s", ("tyres",), of(CORNERING), 1.0)
+    if ANTENNA in layout.slices:
+        add("antenna_lever_arm_m", "m", XYZ, of(ANTENNA), 1.0)
+        add("gnss_offset_m", "m", ("east", "north", "up"), of(GNSS_OFFSET), 1.0)
+    if TRACK_WIDTH in layout.slices:
+        add("effective_track_width_m", "m", ("width",), of(TRACK_WIDTH), 1.0)
     driven = set(smoothed.problem.state)
-    for prefix, name, unit in (
-        ("forward:", "forward_factor", "1"),
-        ("lateral:", "lateral_offset_m", "m"),
+    for of_state, name, unit in (
+        (forward_of, "forward_factor", "1"),
+        (lateral_of, "lateral_offset_m", "m"),
     ):
-        states = [
-            s for c in layout.slices if c.startswith(prefix) and (s := c[len(prefix) :]) in driven
-        ]
+        states = [s for s in prep.setup.table if of_state(s) in layout.slices and s in driven]
         if states:
-            add(name, unit, tuple(states), [layout.column(prefix + s) for s in states], 1.0)
+            add(name, unit, tuple(states), [layout.column(of_state(s)) for s in states], 1.0)
     laterals = [c for c in out if c.name == "lateral_offset_m"]
     if laterals:
         add("kappa", "1", laterals[0].components,
-            [layout.column("lateral:" + s) for s in laterals[0].components],
+            [layout.column(lateral_of(s)) for s in laterals[0].components],
             prep.setup.vehicle.body.contact_length)  # fmt: skip
     return out
 
@@ -110,13 +123,13 @@ def _disagreements(smoothed: Smoothed) -> list[str]:
     clock = smoothed.prep.sensed.run.clock_start
     solution, known = smoothed.solution, smoothed.prep.setup.alignment.start
     for block, weight in zip(solution.blocks, solution.weights, strict=True):
-        if block.kind == "start" and abs(block.residual[0, 2]) > CONTRADICTED:
+        if block.kind == kinds.START and abs(block.residual[0, 2]) > CONTRADICTED:
             off = abs(np.rad2deg(block.residual[0, 2] * known.sd[2]))
             said.append(
                 f"the heading {smoothed.prep.setup.alignment.source} disagrees with the run by "
                 f"{off:.2f} deg, {abs(block.residual[0, 2]):.1f} of its sigma"
             )
-        if block.kind == "gnss":
+        if block.kind == kinds.GNSS:
             for a, b in _spans(block.time, weight[:, :2].min(1) < DOUBTED):
                 said.append(f"GNSS disagreed {a + clock:.0f}-{b + clock:.0f} s: down-weighted")
     return said

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from factors.estimate import Estimate
 from graphnav.batch.first_path import first_path
 from graphnav.common.run import Array
 from graphnav.graph.densify import Path, densify
 from graphnav.graph.elimination import Covariances, covariances
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.kinematics import kinematics
 from graphnav.graph.nodes import FIX_SPACING_S, Nodes, place_nodes
 from graphnav.graph.noise import rescaled

@@ -13,7 +13,7 @@ import gtsam
 import numpy as np
 from numpy.typing import NDArray
 
-from factors import so3
+from factors import kinds, so3
 from factors.block import NODE_DIM, ROTATION, Array, Block, Index
 from factors.weights import Robust
 
@@ -98,20 +98,22 @@ class Rows:
 
 def stacked(
     blocks: Sequence[Block],
-    intervals: int,
+    segment: Index,
     dim: int,
     robust: Mapping[str, Robust] | None = None,
     begins: bool = True,
 ) -> Rows:
-    """Rows of all blocks over nodes numbered from 0; `dim` is the calibration vector's length.
+    """Rows of all blocks over nodes numbered from 0, with the calibration segment of each interval
+    (W,); `dim` is the calibration vector's length.
 
     A row belongs to the interval that ends at its later node. Rows on node 0 alone belong to the
     first when the run `begins` here, else to the interval before and are left out; those on
     calibrations alone are left out. Kinds in `robust` keep their weight open.
     """
     on_nodes = [b for b in blocks if len(b.time) and b.terms[0].family == "x"]
-    on_nodes.sort(key=lambda b: b.kind != "inertial")
+    on_nodes.sort(key=lambda b: b.kind != kinds.INERTIAL)
     picks = [_owner(block, begins) for block in on_nodes]
+    intervals = len(segment)
     count = np.zeros(intervals, np.int64)
     for block, (_, owner) in zip(on_nodes, picks, strict=True):
         count += np.bincount(owner, minlength=intervals) * block.residual.shape[1]
@@ -132,9 +134,14 @@ def stacked(
             doubt[row] = len(doubted)
         for term in block.terms:
             if term.family == "c":
+                assert np.array_equal(term.index[on], segment[owner]), (
+                    f"{block.kind}: a calibration segment that is not in force in its interval"
+                )
                 A[row, CALIBRATION] = term.jacobian[on]
             else:
-                column = (term.index[on] - owner) * NODE_DIM
+                which = term.index[on] - owner
+                assert np.isin(which, (0, 1)).all(), f"{block.kind}: nodes that are not neighbours"
+                column = which * NODE_DIM
                 A[row[:, :, None], column[:, None, None] + np.arange(NODE_DIM)] = term.jacobian[on]
     return Rows(A, b, start, doubt, tuple(doubted))
 

@@ -2,8 +2,22 @@
 
 import numpy as np
 
-from factors.calibration import Component, Layout
-from factors.displacement import Columns
+from factors.calibration import (
+    ACCEL_BIAS,
+    ANTENNA,
+    CORNERING,
+    DELAY,
+    GNSS_OFFSET,
+    GYRO_BIAS,
+    LEVER,
+    MOUNTING,
+    SCALE,
+    TRACK_WIDTH,
+    Component,
+    Layout,
+    forward_of,
+    lateral_of,
+)
 from graphnav.common.earth import G_STANDARD
 from graphnav.common.run import Array, Gnss
 from graphnav.reading.vehicle import Vehicle
@@ -32,30 +46,30 @@ def layout(
     gyro, accel = imu.gyro_bias_deg_h * DEG_H, imu.accel_bias_mg * MG
     mount_sd = np.deg2rad(odometer.mount_sd_deg)
     components = [
-        Component("gyro_bias", np.zeros(3), np.full(3, gyro), BIAS_DRIFT * gyro),
-        Component("accel_bias", np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
-        Component("scale", np.zeros(1), _one(odometer.scale_sd), SCALE_WALK),
-        Component("mounting", odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
-        Component("lever", odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
+        Component(GYRO_BIAS, np.zeros(3), np.full(3, gyro), BIAS_DRIFT * gyro),
+        Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
+        Component(SCALE, np.zeros(1), _one(odometer.scale_sd), SCALE_WALK),
+        Component(MOUNTING, odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
+        Component(LEVER, odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
     ]
     if odometer.time_offset_sd_s > 0:
         components.append(
-            Component("delay", _one(odometer.time_offset_s), _one(odometer.time_offset_sd_s))
+            Component(DELAY, _one(odometer.time_offset_s), _one(odometer.time_offset_sd_s))
         )
     if vehicle.kind == "wheeled":
-        components.append(Component("cornering", np.zeros(1), _one(CORNERING_SD)))
+        components.append(Component(CORNERING, np.zeros(1), _one(CORNERING_SD)))
     for state, row in table.items():
         # straight ahead in high gear the factor and the scale are one number
         if row.use_odometer and row.factor_sd > 0 and state not in REFERENCE:
-            components.append(Component(f"forward:{state}", _one(row.factor), _one(row.factor_sd)))
+            components.append(Component(forward_of(state), _one(row.factor), _one(row.factor_sd)))
     length = vehicle.body.contact_length
     for state, row in table.items():
         if row.kappa_sd > 0:
             prior, sd = row.kappa * length, row.kappa_sd * length
-            components.append(Component(f"lateral:{state}", _one(prior), _one(sd)))
+            components.append(Component(lateral_of(state), _one(prior), _one(sd)))
     if two_sided:
         gauge = vehicle.body.track_gauge
-        width = Component("track_width", _one(WIDTH_RATIO * gauge), _one(WIDTH_RATIO_SD * gauge))
+        width = Component(TRACK_WIDTH, _one(WIDTH_RATIO * gauge), _one(WIDTH_RATIO_SD * gauge))
         components.append(width)
     return Layout((*components, *gnss_components(vehicle, gnss)))
 
@@ -67,20 +81,9 @@ def gnss_components(vehicle: Vehicle, gnss: Gnss | None) -> list[Component]:
     spec = vehicle.gnss
     common = COMMON_OFFSET * np.median(gnss.sd_enu, 0)
     return [
-        Component("antenna", spec.lever_b, np.full(3, spec.lever_arm_sd)),
-        Component("gnss_offset", np.zeros(3), common),
+        Component(ANTENNA, spec.lever_b, np.full(3, spec.lever_arm_sd)),
+        Component(GNSS_OFFSET, np.zeros(3), common),
     ]
-
-
-def columns(layout: Layout) -> Columns:
-    """Columns the odometer factors use."""
-    return Columns(
-        scale=layout.column("scale"),
-        mounting=layout.column("mounting"),
-        lever=layout.column("lever"),
-        delay=layout.column("delay"),
-        cornering=layout.column("cornering"),
-    )
 
 
 def _one(x: float) -> Array:

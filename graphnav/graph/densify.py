@@ -6,10 +6,10 @@ import numpy as np
 
 from factors import so3
 from factors.block import Index
-from factors.preintegration import Increments, Preintegrated, interval_of_increment
+from factors.estimate import Estimate
+from factors.preintegration import ACCEL, Increments, Preintegrated, interval_of_increment
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.nodes import Nodes
 
 
@@ -46,8 +46,8 @@ def densify(
     owner = interval_of_increment(nodes.edge)
     dt = np.diff(inc.edge)
     bias = pre.bias[owner]
-    a = so3.mv(pre.C[:-1], inc.velocity - bias[:, 3:] * dt[:, None])
-    inside = so3.mv(pre.C[:-1], inc.position - 0.5 * bias[:, 3:] * (dt * dt)[:, None])
+    a = so3.mv(pre.C[:-1], inc.velocity - bias[:, ACCEL] * dt[:, None])
+    inside = so3.mv(pre.C[:-1], inc.position - 0.5 * bias[:, ACCEL] * (dt * dt)[:, None])
     V = _running(a, nodes.edge, owner)
     P = _running((V - a) * dt[:, None] + inside, nodes.edge, owner)
     C = pre.C[1:].copy()  # at the end of each increment

@@ -63,7 +63,7 @@ def linear_system(blocks: Sequence[Block], chain: Chain) -> gtsam.GaussianFactor
         if len(block.time) and block.terms[0].family == "c":
             for factor in block.jacobian_factors():
                 graph.add(factor)
-    rows = stacked(blocks, chain.nodes - 1, chain.calibration_dim)
+    rows = stacked(blocks, chain.segment_of_interval, chain.calibration_dim)
     for factor in rows.factors(chain.x, [chain.c[k] for k in chain.segment_of_interval.tolist()]):
         graph.add(factor)
     return graph

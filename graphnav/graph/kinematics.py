@@ -3,8 +3,9 @@
 import numpy as np
 
 from factors import so3
+from factors.calibration import ACCEL_BIAS, DELAY, GYRO_BIAS, LEVER, MOUNTING
+from factors.estimate import Estimate
 from graphnav.graph.densify import Path
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.nodes import Nodes
 from graphnav.graph.preparation import Prepared
 from graphnav.inertial.odometry import speed_at
@@ -22,20 +23,23 @@ def kinematics(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | No
     t = np.arange(path.time[0], path.time[-1], 1 / RATE_HZ)
     c = np.median(estimate.calibration, 0)
     layout = prep.setup.layout
-    lever = c[layout.slices["lever"]]
-    tilt = c[layout.slices["mounting"]]
+    lever = c[layout.slices[LEVER]]
+    tilt = c[layout.slices[MOUNTING]]
     R_mb = so3.exp(np.array([tilt[0], prep.setup.vehicle.odometer.mount_b[1], tilt[1]])).T
     dt = np.diff(path.time)[:, None]
     inc = prep.sensed.inc
     R, Omega = path.R_nb[:-1], prep.setup.alignment.origin.Omega_n
-    rate_b = inc.rotation / dt - c[:3] - so3.mtv(R, np.broadcast_to(Omega, (len(R), 3)))
+    turn = inc.rotation / dt - c[layout.slices[GYRO_BIAS]]
+    rate_b = turn - so3.mtv(R, np.broadcast_to(Omega, (len(R), 3)))
     g_n = prep.setup.alignment.origin.gravity(path.p_n[:1])
-    force_m = (inc.velocity / dt - c[3:6] + so3.mtv(R, np.broadcast_to(g_n, (len(R), 3)))) @ R_mb.T
+    felt = inc.velocity / dt - c[layout.slices[ACCEL_BIAS]]
+    force_m = (felt + so3.mtv(R, np.broadcast_to(g_n, (len(R), 3)))) @ R_mb.T
     v_m = (so3.mtv(R, path.v_n[:-1]) + so3.cross(rate_b, lever)) @ R_mb.T
     mid = 0.5 * (path.time[1:] + path.time[:-1])
 
     assert prep.sensed.run.odometer is not None
-    delay = c[layout.slices["delay"]][0] if "delay" in layout.slices else 0.0
+    late = layout.find(DELAY)
+    delay = 0.0 if late is None else c[late]
     sd = np.full(len(t), np.inf if nodes is None else SPEED_SD)
     return Kinematics(
         time=t,

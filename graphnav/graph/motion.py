@@ -1,20 +1,27 @@
 """What the running gear says between and at nodes: odometer and non-holonomic constraint."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from factors import so3
+from factors import kinds, so3
 from factors.block import Block, Index
-from factors.displacement import Correction as Reading
-from factors.displacement import OdometerSums, displacement, phase_prior
+from factors.calibration import DELAY, GYRO_BIAS, TRACK_WIDTH, Layout, forward_of, lateral_of
+from factors.displacement import (
+    AXES,
+    Coefficient,
+    DisplacementReading,
+    OdometerSums,
+    displacement,
+    phase_prior,
+)
+from factors.estimate import Estimate
 from factors.preintegration import Preintegrated, doubt_of, interval_of_increment
 from factors.track_width import track_width
-from factors.velocity import velocity
+from factors.velocity import VelocityReading, velocity
 from graphnav.common.run import Array, Odometer
-from graphnav.graph import calibrations
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.nodes import Nodes
 from graphnav.graph.preparation import Prepared
 from graphnav.inertial.odometry import odometer_steps, odometer_sums, speed_at
@@ -29,35 +36,38 @@ REACH_S = 0.1  # beyond its samples an odometer says nothing
 DROPPED = 1e6  # sigma of a row that says nothing
 VERTICAL = 0.05  # m/s, suspension and bumps
 YAW_FLOOR, YAW_SHARE = 0.02, 0.1  # m; of the sides' difference that a skidding turn may be off
-AXES = ("lateral", "forward", "vertical")
 
 
-def motion_factors(
-    prep: Prepared,
-    nodes: Nodes,
-    pre: Preintegrated,
-    state: States,
-    moving: Index,
-    at: Estimate,
-    scales: Scales,
-) -> tuple[list[Factor], dict[str, States]]:
+@dataclass(frozen=True)
+class Round:
+    """What all factors of the running gear are made from, in one round of the solution."""
+
+    prep: Prepared
+    nodes: Nodes
+    pre: Preintegrated
+    state: States  # (N - 1,) motion state of each interval
+    at: Estimate
+    scales: Scales
+
+
+def motion_factors(round_: Round, moving: Index) -> tuple[list[Factor], dict[str, States]]:
     """Displacements over the moving intervals; velocities where the odometer is sparse or absent.
 
     With them, by kind, the motion state each factor belongs to.
     """
+    prep, nodes, state = round_.prep, round_.nodes, round_.state
     odometer = prep.sensed.run.odometer
     if odometer is None or float(np.median(np.diff(odometer.time))) > SPARSE_S:
-        velocities = _velocities(prep, nodes, pre, state, moving, odometer, at, scales)
-        return [velocities, _phase(nodes, 0.0)], {"velocity": driven(prep, state[moving])}
-    sums = sums_of(prep, nodes, pre, at)
+        factors = [_velocities(round_, moving), _phase(nodes, 0.0)]
+        return factors, {kinds.VELOCITY: driven(prep, state[moving])}
     on = _inside(moving, nodes, odometer.time)
-    factors = [_displacements(prep, nodes, sums, state, on, scales), _phase(nodes, odometer.pulse)]
-    groups = {"displacement": driven(prep, state[on])}
+    factors = [_displacements(round_, on), _phase(nodes, odometer.pulse)]
+    groups = {kinds.DISPLACEMENT: driven(prep, state[on])}
     sides = prep.sensed.run.sides
-    if "track_width" in prep.setup.layout.slices and sides is not None:
+    if TRACK_WIDTH in prep.setup.layout.slices and sides is not None:
         on = _inside(moving, nodes, sides.time)
-        factors.append(_track_width(prep, nodes, on, at, scales))
-        groups["track_width"] = np.full(len(on), "")
+        factors.append(_track_width(round_, on))
+        groups[kinds.TRACK_WIDTH] = np.full(len(on), "")
     return factors, groups
 
 
@@ -74,7 +84,7 @@ def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> O
     delay = delay_of(prep, at)
     owner = interval_of_increment(nodes.edge)
     earth = at.R_nb[:-1].transpose(0, 2, 1) @ prep.setup.alignment.origin.Omega_n
-    bias = at.calibration[nodes.segment, 2]
+    bias = at.calibration[nodes.segment, prep.setup.layout.slices[GYRO_BIAS]][:, 2]
     steps = odometer_steps(
         prep.sensed.inc, prep.sensed.run.odometer, delay, bias[owner], earth[owner, 2]
     )
@@ -83,58 +93,59 @@ def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> O
 
 def delay_of(prep: Prepared, at: Estimate) -> float:
     """Odometer clock minus IMU clock of an estimate, s; what the vehicle file states if held."""
-    column = prep.setup.layout.column("delay")
-    stated = prep.setup.vehicle.odometer.time_offset_s
-    return float(np.median(at.calibration[:, column])) if column >= 0 else stated
+    column = prep.setup.layout.find(DELAY)
+    if column is None:
+        return prep.setup.vehicle.odometer.time_offset_s
+    return float(np.median(at.calibration[:, column]))
 
 
 def _phase(nodes: Nodes, pulse: float) -> Factor:
-    return lambda x: [phase_prior(x.phase, nodes.time, pulse)]
+    return lambda x: [phase_prior(pulse, nodes.time, x)]
 
 
-def _displacements(
-    prep: Prepared, nodes: Nodes, sums: OdometerSums, state: States, on: Index, scales: Scales
-) -> Factor:
-    assert prep.sensed.run.odometer is not None
-    columns, layout = calibrations.columns(prep.setup.layout), prep.setup.layout
-    roll = float(prep.setup.vehicle.odometer.mount_b[1])
-    names = driven(prep, state[on])
-    T = np.diff(nodes.time)[on]
-    sigma = _sigma(prep, names, scales, "displacement") * np.sqrt(T)[:, None]
-    # pulses come late by up to one: while the vehicle turns that is a step aside
-    turn = np.linalg.norm(so3.log(sums.R_mid[on]), axis=1) * 2
-    sigma[:, 0] = np.hypot(sigma[:, 0], prep.sensed.run.odometer.pulse / np.sqrt(12) * turn)
+def _displacements(round_: Round, on: Index) -> Factor:
+    prep, nodes = round_.prep, round_.nodes
+    layout, scope = prep.setup.layout, nodes.intervals.of(on)
+    names = driven(prep, round_.state[on])
+    sums = sums_of(prep, nodes, round_.pre, round_.at).of(on)
     factor = _column(prep, names, "factor")
-    speed = np.linalg.norm(sums.distance[on, :, 1], axis=1) / T
+    lateral = _column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length
+    reading = DisplacementReading(
+        sums=sums,
+        forward=_coefficient(layout, [forward_of(s) for s in names], factor),
+        lateral=_coefficient(layout, [lateral_of(s) for s in names], lateral),
+        gauge=_column(prep, names, "half_gauge"),
+        roll=float(prep.setup.vehicle.odometer.mount_b[1]),
+        sigma=_displacement_sigma(round_, on, names, sums, factor),
+    )
+    return lambda x: [displacement(reading, layout, scope, x)]
+
+
+def _displacement_sigma(
+    round_: Round, on: Index, names: States, sums: OdometerSums, factor: Array
+) -> Array:
+    """One sigma (n, 3) m of the displacements over intervals `on` in states `names`."""
+    prep, nodes = round_.prep, round_.nodes
+    assert prep.sensed.run.odometer is not None
+    T = np.diff(nodes.time)[on]
+    sigma = _sigma(prep, names, round_.scales, kinds.DISPLACEMENT) * np.sqrt(T)[:, None]
+    # pulses come late by up to one: while the vehicle turns that is a step aside
+    turn = np.linalg.norm(so3.log(sums.R_mid), axis=1) * 2
+    sigma[:, 0] = np.hypot(sigma[:, 0], prep.sensed.run.odometer.pulse / np.sqrt(12) * turn)
+    speed = np.linalg.norm(sums.distance[:, :, 1], axis=1) / T
     # across a gap of the IMU nobody knows where the odometer's way led
     astray = speed * T * np.minimum(doubt_of(prep.sensed.inc, nodes.edge)[on, 0], 1.0)
     sigma = np.hypot(sigma, astray[:, None])
     sigma[:, 1] = np.hypot(sigma[:, 1], BOUNDARY_S * speed * _change(factor))
-    reading = Reading(
-        forward=factor,
-        gauge=_column(prep, names, "half_gauge"),
-        lateral=_column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length,
-        forward_column=np.array([layout.column(f"forward:{s}") for s in names], np.int64),
-        lateral_column=np.array([layout.column(f"lateral:{s}") for s in names], np.int64),
-        sigma=sigma,
-    )
-    picked = sums.of(on)
-    seg, time = nodes.segment[on], nodes.time[on + 1]
-    return lambda x: [
-        displacement(
-            picked,
-            reading,
-            columns,
-            roll,
-            on,
-            x.R_nb,
-            x.p_n,
-            x.phase,
-            x.calibration[seg],
-            seg,
-            time,
-        )
-    ]
+    return np.asarray(sigma)
+
+
+def _coefficient(layout: Layout, names: list[str], held: Array) -> Coefficient:
+    """Of each interval, by the name (n,) of its component; held where there is none."""
+    columns = [layout.find(name) for name in names]
+    on = [k for k, column in enumerate(columns) if column is not None]
+    there = [column for column in columns if column is not None]
+    return Coefficient(held, np.array(on, np.int64), np.array(there, np.int64))
 
 
 def _change(factor: Array) -> Array:
@@ -143,69 +154,47 @@ def _change(factor: Array) -> Array:
     return np.maximum(step[1:], step[:-1])
 
 
-def _track_width(prep: Prepared, nodes: Nodes, on: Index, at: Estimate, scales: Scales) -> Factor:
+def _track_width(round_: Round, on: Index) -> Factor:
     """Yaw from the two sides of a skid-steered vehicle."""
+    prep, nodes = round_.prep, round_.nodes
     sides, layout = prep.sensed.run.sides, prep.setup.layout
     assert sides is not None
-    column, late = layout.column("track_width"), delay_of(prep, at)
     rate = sides.right - sides.left
     swept = np.concatenate([[0.0], np.cumsum(np.diff(sides.time) * (rate[1:] + rate[:-1]) / 2)])
-    difference = np.diff(np.interp(nodes.time + late, sides.time, swept))[on]
-    found = scales.get("track_width::yaw", 1.0)
+    stamp = nodes.time + delay_of(prep, round_.at)
+    difference = np.diff(np.interp(stamp, sides.time, swept))[on]
+    found = round_.scales.get(f"{kinds.TRACK_WIDTH}::yaw", 1.0)
     sigma = found * (YAW_FLOOR + YAW_SHARE * np.abs(difference))
-    seg, time = nodes.segment[on], nodes.time[on + 1]
-    return lambda x: [
-        track_width(difference, sigma, column, on, x.R_nb, x.calibration[seg], seg, time)
-    ]
+    scope = nodes.intervals.of(on)
+    return lambda x: [track_width(difference, sigma, layout, scope, x)]
 
 
-def _velocities(
-    prep: Prepared,
-    nodes: Nodes,
-    pre: Preintegrated,
-    state: States,
-    moving: Index,
-    odometer: Odometer | None,
-    at: Estimate,
-    scales: Scales,
-) -> Factor:
+def _velocities(round_: Round, moving: Index) -> Factor:
     """Velocity at the end of each moving interval; the forward row only with an odometer."""
-    columns = calibrations.columns(prep.setup.layout)
-    roll = float(prep.setup.vehicle.odometer.mount_b[1])
-    names, node = driven(prep, state[moving]), moving + 1
-    seg, time = nodes.segment[moving], nodes.time[node]
+    prep, pre = round_.prep, round_.pre
+    names, scope = driven(prep, round_.state[moving]), round_.nodes.at(moving + 1)
     rate = so3.log(pre.dR)[moving] / pre.T[moving, None]
-    sigma = _sigma(prep, names, scales, "velocity")
+    sigma = _sigma(prep, names, round_.scales, kinds.VELOCITY)
+    speed = np.zeros(len(moving))
+    odometer = prep.sensed.run.odometer
     if odometer is None:
-        speed = np.zeros(len(node))
         sigma[:, 1] = DROPPED
     else:
-        stamp = time + delay_of(prep, at)
-        # a counter has no speed of its own: differenced over 0.2 s
-        if odometer.pulse > 0:
-            speed = speed_at(odometer, stamp)
-        else:
-            speed = np.interp(stamp, odometer.time, odometer.speed)
-        speed *= _column(prep, names, "factor")
+        stamp = scope.time + delay_of(prep, round_.at)
+        speed = _speed(odometer, stamp) * _column(prep, names, "factor")
         heard = (stamp >= odometer.time[0] - REACH_S) & (stamp <= odometer.time[-1] + REACH_S)
         sigma[~heard, 1] = DROPPED
     lateral = -_column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length * rate[:, 2]
-    return lambda x: [
-        velocity(
-            speed,
-            lateral,
-            sigma,
-            rate,
-            columns,
-            roll,
-            node,
-            x.R_nb,
-            x.v_n,
-            x.calibration[seg],
-            seg,
-            time,
-        )
-    ]
+    roll, layout = float(prep.setup.vehicle.odometer.mount_b[1]), prep.setup.layout
+    reading = VelocityReading(speed, lateral, rate, sigma, roll)
+    return lambda x: [velocity(reading, layout, scope, x)]
+
+
+def _speed(odometer: Odometer, time: Array) -> Array:
+    """As recorded; a counter has no speed of its own: differenced over 0.2 s."""
+    if odometer.pulse > 0:
+        return speed_at(odometer, time)
+    return np.interp(time, odometer.time, odometer.speed)
 
 
 def driven(prep: Prepared, state: States) -> States:

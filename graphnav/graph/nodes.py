@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from factors.block import Index
+from factors.block import Index, Scope
 from graphnav.common.run import Array
 
 INTERVAL_S = 1.0  # between nodes, unless told otherwise
@@ -23,6 +23,20 @@ class Nodes:
     time: Array  # (N,) s
     segment: Index  # (N - 1,) calibration segment in force in each interval
     segment_time: Array  # (K,) s, middle of each segment
+
+    @property
+    def intervals(self) -> Scope:
+        """What a factor over each interval acts on, stamped at the interval's end."""
+        return Scope(np.arange(len(self.segment)), self.segment, self.time[1:])
+
+    def at(self, node: Index, time: Array | None = None) -> Scope:
+        """What a factor at each node (n,) acts on, stamped `time` (n,) s.
+
+        In force at a node is the segment of the interval that ends there: a row belongs to the
+        interval of its later node, and node 0 to the first.
+        """
+        stamp = self.time[node] if time is None else time
+        return Scope(node, self.segment[np.maximum(node - 1, 0)], stamp)
 
 
 def place_nodes(

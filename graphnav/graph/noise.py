@@ -11,6 +11,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from factors import kinds
 from factors.block import NODE_DIM, Block
 from graphnav.common.run import Array
 from graphnav.graph.elimination import Joints
@@ -19,9 +20,9 @@ ENOUGH = 30  # residuals that make a group
 LEAST_REDUNDANCY = 0.05
 SMALLEST, LARGEST = 0.02, 30.0
 # a receiver's own sigma is evidence too: a poor fit must not talk the fixes away
-LIMITS = {"gnss": (0.3, 3.0)}
+LIMITS = {kinds.GNSS: (0.3, 3.0)}
 # s over which the residuals of a kind may be correlated
-LAGS_S = {"displacement": 20.0, "velocity": 20.0, "track_width": 20.0, "gnss": 60.0}
+LAGS_S = {kinds.DISPLACEMENT: 20.0, kinds.VELOCITY: 20.0, kinds.TRACK_WIDTH: 20.0, kinds.GNSS: 60.0}
 
 
 def rescaled(

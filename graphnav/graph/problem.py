@@ -4,18 +4,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from factors import kinds
 from factors.block import Block, Index
+from factors.calibration import SCALE, Layout, walk
 from factors.calibration import prior as calibration_prior
-from factors.calibration import walk
+from factors.estimate import Estimate
 from factors.heading import heading
-from factors.inertial import Field, inertial
+from factors.inertial import EarthField, inertial
+from factors.position import AXES as FIX_AXES
 from factors.position import Fixes, position
 from factors.preintegration import Preintegrated, interval_of_increment, preintegrate
 from factors.standstill import StandstillNoise, standstill
 from factors.start import start
+from graphnav.common.earth import Origin
 from graphnav.graph.elimination import Chain
-from graphnav.graph.estimate import Estimate
-from graphnav.graph.motion import Factor, Scales, States, motion_factors
+from graphnav.graph.motion import Factor, Round, Scales, States, motion_factors
 from graphnav.graph.nodes import Nodes, nearest_node
 from graphnav.graph.preparation import Prepared
 from graphnav.recognition.timeline import Timeline
@@ -48,8 +51,9 @@ def build(
     prep: Prepared, nodes: Nodes, timeline: Timeline, at: Estimate, scales: Scales
 ) -> Problem:
     """Integrate with the biases and the delay of `at` and assemble all factors."""
-    seg = nodes.segment
-    pre = preintegrate(prep.sensed.inc, nodes.edge, at.calibration[seg, :6], prep.setup.noise)
+    seg, setup = nodes.segment, prep.setup
+    bias = at.calibration[seg, setup.layout.bias]
+    pre = preintegrate(prep.sensed.inc, nodes.edge, bias, setup.noise)
     owner = interval_of_increment(nodes.edge)
     share = np.bincount(owner, prep.sensed.still, len(seg)) / np.bincount(owner, minlength=len(seg))
     resting = np.flatnonzero(share > 0.999)
@@ -57,44 +61,43 @@ def build(
     factors = [
         _start(prep, nodes),
         _calibration(prep, nodes),
-        _inertial(prep, nodes, pre),
+        inertial_factor(setup.alignment.origin, setup.layout, nodes, pre),
         _standstill(prep, nodes, resting),
     ]
     moving = np.setdiff1d(np.arange(len(seg)), resting)
-    motion, groups = motion_factors(prep, nodes, pre, state, moving, at, scales)
+    motion, groups = motion_factors(Round(prep, nodes, pre, state, at, scales), moving)
     factors.extend(motion)
     if prep.sensed.gnss is not None:
         fixes = _gnss(prep, nodes, scales)
         factors.append(fixes)
-        groups["gnss"] = np.full(len(fixes(at)[0].time), "")
+        groups[kinds.GNSS] = np.full(len(fixes(at)[0].time), "")
     if prep.sensed.run.heading is not None:
         factors.append(_heading(prep, nodes))
-    chain = Chain(len(nodes.time), len(nodes.segment_time), prep.setup.layout.dim, seg)
+    chain = Chain(len(nodes.time), len(nodes.segment_time), setup.layout.dim, seg)
     return Problem(tuple(factors), chain, nodes, pre, resting, state, groups)
 
 
 def _start(prep: Prepared, nodes: Nodes) -> Factor:
     known, t = prep.setup.alignment.start, float(nodes.time[0])
-    return lambda x: [start(known, x.R_nb[0], x.v_n[0], x.p_n[0], t)]
+    return lambda x: [start(known, t, x)]
 
 
 def _calibration(prep: Prepared, nodes: Nodes) -> Factor:
     layout, time = prep.setup.layout, nodes.segment_time
     return lambda x: [
         calibration_prior(layout, x.calibration),
-        *(walk(layout, x.calibration, time, ("scale",)) if len(time) > 1 else []),
+        *(walk(layout, x.calibration, time, (SCALE,)) if len(time) > 1 else []),
     ]
 
 
-def _inertial(prep: Prepared, nodes: Nodes, pre: Preintegrated) -> Factor:
-    origin, dim = prep.setup.alignment.origin, prep.setup.layout.dim
+def inertial_factor(origin: Origin, layout: Layout, nodes: Nodes, pre: Preintegrated) -> Factor:
+    """Inertial motion over every interval."""
+    scope = nodes.intervals
 
     def factor(x: Estimate) -> list[Block]:
         g = origin.gravity(0.5 * (x.p_n[:-1] + x.p_n[1:]))
-        field = Field(origin.Omega_n, g, origin.gravity_gradient)
-        bias = x.calibration[nodes.segment, :6]
-        args = (pre, x.R_nb, x.v_n, x.p_n, bias, field, nodes.time, nodes.segment, dim)
-        return [inertial(*args)]
+        field = EarthField(origin.Omega_n, g, origin.gravity_gradient)
+        return [inertial(pre, field, layout, scope, x)]
 
     return factor
 
@@ -102,28 +105,23 @@ def _inertial(prep: Prepared, nodes: Nodes, pre: Preintegrated) -> Factor:
 def _standstill(prep: Prepared, nodes: Nodes, resting: Index) -> Factor:
     rotation = np.sqrt(2) * prep.sensed.rocking + STILL_ROTATION
     noise = StandstillNoise(rotation, STILL_VELOCITY, STILL_POSITION)
-    time = nodes.time[resting + 1]
-    return lambda x: (
-        [standstill(resting, x.R_nb, x.v_n, x.p_n, time, noise)] if len(resting) else []
-    )
+    scope = nodes.intervals.of(resting)
+    return lambda x: [standstill(noise, scope, x)] if len(resting) else []
 
 
 def _gnss(prep: Prepared, nodes: Nodes, scales: Scales) -> Factor:
-    assert prep.sensed.gnss is not None
-    node, dt = nearest_node(nodes, prep.sensed.gnss.time)
+    gnss, layout = prep.sensed.gnss, prep.setup.layout
+    assert gnss is not None
+    node, dt = nearest_node(nodes, gnss.time)
     # of several fixes near one node only the closest is used
     order = np.lexsort((np.abs(dt), node))
     pick = np.sort(order[np.unique(node[order], return_index=True)[1]])
     pick = pick[np.abs(dt[pick]) < FIX_REACH_S]
-    factor_of = np.array([scales.get(f"gnss::{axis}", 1.0) for axis in ("east", "north", "up")])
-    sigma = np.maximum(prep.sensed.gnss.sd_enu[pick], FIX_SD) * factor_of
-    at = node[pick]
-    segment = nodes.segment[np.maximum(at - 1, 0)]
-    fixes = Fixes(
-        prep.sensed.fixes_n[pick], sigma, dt[pick], at, segment, prep.sensed.gnss.time[pick]
-    )
-    antenna, offset = prep.setup.layout.column("antenna"), prep.setup.layout.column("gnss_offset")
-    return lambda x: [position(fixes, antenna, offset, x.R_nb, x.v_n, x.p_n, x.calibration)]
+    factor_of = np.array([scales.get(f"{kinds.GNSS}::{axis}", 1.0) for axis in FIX_AXES])
+    sigma = np.maximum(gnss.sd_enu[pick], FIX_SD) * factor_of
+    fixes = Fixes(prep.sensed.fixes_n[pick], sigma, dt[pick])
+    scope = nodes.at(node[pick], gnss.time[pick])
+    return lambda x: [position(fixes, layout, scope, x)]
 
 
 def _heading(prep: Prepared, nodes: Nodes) -> Factor:
@@ -131,6 +129,6 @@ def _heading(prep: Prepared, nodes: Nodes) -> Factor:
     assert sensed is not None
     node, dt = nearest_node(nodes, sensed.time)
     pick = np.flatnonzero(np.abs(dt) < FIX_REACH_S)
-    value, at, time = sensed.heading[pick], node[pick], sensed.time[pick]
+    value, scope = sensed.heading[pick], nodes.at(node[pick], sensed.time[pick])
     sigma = np.full(len(pick), HEADING_SD)
-    return lambda x: [heading(value, sigma, at, x.R_nb, time)]
+    return lambda x: [heading(value, sigma, scope, x)]

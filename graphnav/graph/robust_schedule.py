@@ -2,19 +2,20 @@
 
 from collections.abc import Mapping
 
+from factors import kinds
 from factors.weights import Robust
 
 Weights = Mapping[str, Robust]
 FIRST = {
-    "displacement": Robust("cauchy", 3.0),
-    "velocity": Robust("cauchy", 3.0),
-    "gnss": Robust("cauchy", 3.0),
-    "heading": Robust("cauchy", 3.0),
+    kinds.DISPLACEMENT: Robust("cauchy", 3.0),
+    kinds.VELOCITY: Robust("cauchy", 3.0),
+    kinds.GNSS: Robust("cauchy", 3.0),
+    kinds.HEADING: Robust("cauchy", 3.0),
 }
 FINAL = {
-    "displacement": Robust("igg3", 2.5, 8.0),
-    "velocity": Robust("igg3", 2.5, 8.0),
-    "gnss": Robust("igg3", 2.0, 6.0),
-    "heading": Robust("igg3", 2.0, 6.0),
-    "scale_walk": Robust("cauchy", 3.0),
+    kinds.DISPLACEMENT: Robust("igg3", 2.5, 8.0),
+    kinds.VELOCITY: Robust("igg3", 2.5, 8.0),
+    kinds.GNSS: Robust("igg3", 2.0, 6.0),
+    kinds.HEADING: Robust("igg3", 2.0, 6.0),
+    kinds.SCALE_WALK: Robust("cauchy", 3.0),
 }

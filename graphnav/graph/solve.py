@@ -7,11 +7,11 @@ import gtsam
 import numpy as np
 
 from factors.block import Block
+from factors.estimate import Estimate, finite
 from factors.weights import Robust
 from graphnav.common.errors import SolutionError
 from graphnav.common.run import Array
 from graphnav.graph.elimination import Chain, eliminate, linear_system, quickly, step
-from graphnav.graph.estimate import Estimate, finite
 
 Step = tuple[Array, Array]  # error states of nodes (N, 10) and calibration segments (K, dim)
 Linearise = Callable[[Estimate], list[Block]]

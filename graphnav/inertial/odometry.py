@@ -7,7 +7,7 @@ import numpy as np
 from factors import so3
 from factors.block import Index
 from factors.displacement import OdometerSums
-from factors.preintegration import Increments, Preintegrated, interval_of_increment
+from factors.preintegration import GYRO, Increments, Preintegrated, interval_of_increment
 from graphnav.common.run import Array, Odometer
 
 RATE_S = 0.1  # half the baseline over which the odometer's speed is differenced
@@ -63,7 +63,7 @@ def odometer_sums(
     start = inc.edge[first][owner]
     mid = 0.5 * (inc.edge[1:] + inc.edge[:-1]) - start
     dt = np.diff(inc.edge)[:, None]
-    C = pre.C[:-1] @ so3.exp(0.5 * (inc.rotation - pre.bias[owner, :3] * dt))
+    C = pre.C[:-1] @ so3.exp(0.5 * (inc.rotation - pre.bias[owner, GYRO] * dt))
 
     def total(weight: Array) -> Array:
         return np.add.reduceat(C * weight[:, None, None], first, axis=0)
@@ -81,5 +81,5 @@ def odometer_sums(
         delay=steps.delay,
         # the gyro turns with the Earth, the displacement is told on it: the Earth's rate acts as a
         # bias of the integrated rotation
-        bias=pre.bias[:, :3] - earth_b,
+        bias=pre.bias[:, GYRO] - earth_b,
     )

@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from factors import kinds
 from graphnav.common.run import Array
 from graphnav.result.events import Event, events
 from graphnav.result.solved import Solved
@@ -13,6 +14,13 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 RECKONED_HZ = 2.0
+NOT_MEASURED = (  # what ties states, said by no sensor
+    kinds.PHASE,
+    kinds.CALIBRATION_PRIOR,
+    kinds.CALIBRATION_WALK,
+    kinds.SCALE_WALK,
+    kinds.START,
+)
 
 
 def states(solved: Solved) -> "DataFrame":
@@ -36,7 +44,7 @@ def residuals(solved: Solved) -> "DataFrame":
 
     parts = []
     for block, weight in zip(solved.blocks, solved.weights, strict=True):
-        if block.kind in ("phase", "calibration_prior", "calibration_walk", "scale_walk", "start"):
+        if block.kind in NOT_MEASURED:
             continue
         for row, axis in enumerate(block.axes):
             parts.append(
@@ -93,7 +101,7 @@ def fixes(solved: Solved) -> "DataFrame | None":
         return None
     weight = np.zeros(len(gnss.time))
     for block, w in zip(solved.blocks, solved.weights, strict=True):
-        if block.kind == "gnss":
+        if block.kind == kinds.GNSS:
             at = np.searchsorted(gnss.time, block.time - 1e-6)
             weight[np.clip(at, 0, len(weight) - 1)] = w[:, :2].min(1)
     columns: dict[str, Array] = {"time": gnss.time + solved.run.clock_start}
@@ -129,7 +137,7 @@ def slips(solved: Solved) -> list[Event]:
             node = np.searchsorted(solved.node_time, block.time - 1e-6)
             duration = solved.node_time[node] - solved.node_time[np.maximum(node - 1, 0)]
             slip = block.residual * block.sigma
-            if block.kind != "velocity":
+            if block.kind != kinds.VELOCITY:
                 slip = slip / duration[:, None]
             slip[:, 1] *= -1  # the odometer ahead of the vehicle: wheel spin
             return events(block.time, weight, slip, duration, edges)

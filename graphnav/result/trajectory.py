@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import so3
+from factors import kinds, so3
 from graphnav.common.angles import angles_of_rotation
 from graphnav.common.run import Array
 from graphnav.result.solved import Solved, row_weights
 
-VEHICLE_KINDS = ("displacement", "velocity", "wheel_displacement")
+VEHICLE_KINDS = (kinds.DISPLACEMENT, kinds.VELOCITY, kinds.WHEEL_DISPLACEMENT)
 
 
 @dataclass(frozen=True)

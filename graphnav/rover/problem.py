@@ -9,33 +9,41 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from factors import wheel_velocity as wv
+from factors import rover_wheels as rw
 from factors.block import Block
-from factors.calibration import Component, Layout
+from factors.calibration import (
+    ACCEL_BIAS,
+    GYRO_BIAS,
+    SIDE_SLIP,
+    SLIP_COEFFICIENT,
+    TOE,
+    YAW_SLIP,
+    Component,
+    Layout,
+)
 from factors.calibration import prior as calibration_prior
+from factors.estimate import Estimate
 from factors.heading import heading
-from factors.inertial import Field, inertial
 from factors.position import Fixes, position
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
+from factors.terrain_slip import Track, terrain_slip
 from graphnav.common.angles import rotation_of_angles
 from graphnav.common.earth import G_STANDARD, Origin
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Run
 from graphnav.graph.calibrations import gnss_components
 from graphnav.graph.elimination import Chain
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.nodes import Nodes, nearest_node, place_nodes
+from graphnav.graph.problem import inertial_factor
 from graphnav.inertial.increments import increments
 from graphnav.reading.vehicle import Vehicle
 from graphnav.rover import running_gear as rover
-from graphnav.rover import terrain as rover_terrain
 
 Factor = Callable[[Estimate], list[Block]]
 
-K_BOUNDS = 0.7, 1.02  # slip coefficients beyond are held back (C6's clip, softened)
 K_SD, K_LENGTH = 0.06, 20.0  # how the ground's slip varies, and over how many metres
-BOUND_SD = 0.01
+SLIP_BOUNDS = rw.Bounds(SLIP_COEFFICIENT, 0.7, 1.02, sigma=0.01)  # C6's clip, softened
 TOE_SD, SIDE_SD, SIDE_LENGTH = 0.02, 0.02, 10.0  # rad/m; m/m; m
 YAW_LOOSE = 3.0  # the yaw slip's spread before it is measured, of what the wheels' fit says
 YAW_LENGTH = 1.0  # m over which wheels keep slipping unlike each other
@@ -56,10 +64,10 @@ class RoverProblem:
     run: Run
     origin: Origin
     wheels: rover.Wheels
-    sums: wv.WheelSums
+    sums: rw.WheelSums
     nodes: Nodes
     layout: Layout
-    wandering: tuple[wv.Wandering, ...]
+    wandering: tuple[rw.Wandering, ...]
     start: Start
     inc: Increments | None  # with gyros
     noise: InertialNoise | None
@@ -116,21 +124,21 @@ def fixes_n(run: Run, origin: Origin) -> Array:
 
 def calibrations(
     gyro_deg_h: float | None, accel_mg: float, wheels: rover.Wheels
-) -> tuple[Layout, tuple[wv.Wandering, ...]]:
+) -> tuple[Layout, tuple[rw.Wandering, ...]]:
     """Biases of what is fitted, and the ground: slip, side slip, toe, yaw slip."""
     gyro, accel = np.deg2rad(gyro_deg_h or 0.0) / 3600, accel_mg * 1e-3 * G_STANDARD
-    biases = [Component("accel_bias", np.zeros(3), np.full(3, accel), 0.003 * accel)]
+    biases = [Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), 0.003 * accel)]
     if gyro_deg_h is not None:
-        biases.insert(0, Component("gyro_bias", np.zeros(3), np.full(3, gyro), 0.003 * gyro))
+        biases.insert(0, Component(GYRO_BIAS, np.zeros(3), np.full(3, gyro), 0.003 * gyro))
     moving = wheels.motion.speed > 0.01
     stray = wheels.motion.w_z_sd[moving] / wheels.motion.speed[moving]
     yaw_sd = YAW_LOOSE * float(np.median(stray)) if moving.any() else 0.02
     wandering = (
-        wv.Wandering(_one("slip_coefficient", rover.K_GUESS, K_SD), K_LENGTH),
-        wv.Wandering(_one("side_slip", 0.0, SIDE_SD), SIDE_LENGTH),
-        wv.Wandering(_one("yaw_slip", 0.0, yaw_sd), YAW_LENGTH),
+        rw.Wandering(_one(SLIP_COEFFICIENT, rover.K_GUESS, K_SD), K_LENGTH),
+        rw.Wandering(_one(SIDE_SLIP, 0.0, SIDE_SD), SIDE_LENGTH),
+        rw.Wandering(_one(YAW_SLIP, 0.0, yaw_sd), YAW_LENGTH),
     )
-    toe = _one("toe", 0.0, TOE_SD)
+    toe = _one(TOE, 0.0, TOE_SD)
     return Layout((*biases, toe, *(w.component for w in wandering))), wandering
 
 
@@ -161,16 +169,16 @@ def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes, origi
     return Start(R, np.zeros(3), p_n, sds)
 
 
-def build(problem: RoverProblem, at: Estimate, found: list[rover_terrain.Track]) -> list[Factor]:
+def build(problem: RoverProblem, at: Estimate, found: list[Track]) -> list[Factor]:
     """Every factor as a function of the estimate."""
+    layout = problem.layout
     factors = [_constraints(problem), _wheels(problem)]
     factors.append(_level(problem) if problem.inc is None else _inertial(problem, at))
     if problem.run.heading is not None:
         factors.append(_heading(problem))
     if problem.run.gnss is not None:
         factors.append(_gnss(problem))
-    layout = problem.layout
-    factors.append(lambda x: rover_terrain.blocks(found, x.calibration, layout))
+    factors.append(lambda x: [terrain_slip(track, layout, x) for track in found])
     return factors
 
 
@@ -183,11 +191,11 @@ def _constraints(problem: RoverProblem) -> Factor:
     def factor(x: Estimate) -> list[Block]:
         c = x.calibration
         return [
-            start(problem.start, x.R_nb[0], x.v_n[0], x.p_n[0], t),
+            start(problem.start, t, x),
             calibration_prior(layout, c),
-            *wv.wander(layout, problem.wandering, c, path, nodes.segment_time),
-            wv.bounds(layout, "slip_coefficient", *K_BOUNDS, BOUND_SD, c, nodes.segment_time),
-            wv.unused_phase(x.phase, nodes.time),
+            *rw.wander(layout, problem.wandering, c, path, nodes.segment_time),
+            rw.bounded(SLIP_BOUNDS, layout, nodes.segment_time, x),
+            rw.unused_phase(nodes.time, x),
         ]
 
     return factor
@@ -196,24 +204,22 @@ def _constraints(problem: RoverProblem) -> Factor:
 def _wheels(problem: RoverProblem) -> Factor:
     """Displacement, yaw and velocity from the running gear."""
     nodes, layout, wheels, sums = problem.nodes, problem.layout, problem.wheels, problem.sums
-    seg, time = nodes.segment, nodes.time
-    T = np.diff(time)
-    unheard = (1 - rover.heard_share(wheels, time)).clip(0) * T
+    T = np.diff(nodes.time)
+    unheard = (1 - rover.heard_share(wheels, nodes.time)).clip(0) * T
     step = np.hypot(STEP_FLOOR + STEP_SHARE * sums.path, UNHEARD_SPEED * unheard)
-    yaw_sd = problem.layout.prior_sd[layout.column("yaw_slip")]
+    steps = np.repeat(step[:, None], 3, 1)
+    yaw_sd = problem.layout.prior_sd[layout.column(YAW_SLIP)]
     yaw = np.hypot(YAW_FLOOR + YAW_SHARE * yaw_sd * sums.path, UNHEARD_RATE * unheard)
-    u_b = rover.origin_velocity(wheels, time)
+    u_b = rover.origin_velocity(wheels, nodes.time)
     speed = SPEED_SD + SPEED_SHARE * np.linalg.norm(u_b, axis=1)
-    at_node = np.append(seg, seg[-1])
+    intervals, every = nodes.intervals, nodes.at(np.arange(len(nodes.time)))
 
     def factor(x: Estimate) -> list[Block]:
-        turn, c = wv.interval(x.R_nb), x.calibration
+        turn = rw.turns(x.R_nb)
         return [
-            wv.wheel_displacement(
-                sums, turn, x.R_nb, x.p_n, c, layout, seg, np.repeat(step[:, None], 3, 1), time
-            ),
-            wv.wheel_yaw(sums, turn, c, layout, seg, yaw, time),
-            wv.wheel_speed(u_b, x.R_nb, x.v_n, c, layout, at_node, speed, time),
+            rw.wheel_displacement(sums, turn, steps, layout, intervals, x),
+            rw.wheel_yaw(sums, turn, yaw, layout, intervals, x),
+            rw.wheel_speed(u_b, speed, layout, every, x),
         ]
 
     return factor
@@ -225,7 +231,7 @@ def _level(problem: RoverProblem) -> Factor:
     Nodes without an accelerometer sample are taken to be level, loosely.
     """
     nodes, layout = problem.nodes, problem.layout
-    n, c_of = len(nodes.time), np.append(nodes.segment, nodes.segment[-1])
+    n = len(nodes.time)
     slope_sd = TILT_FLOOR + TILT_SHARE * problem.sums.path
     g_n = problem.origin.gravity(np.zeros(3))
     force, sigma = np.tile(-g_n, (n, 1)), np.full(n, UNLEVEL_SD * float(np.linalg.norm(g_n)))
@@ -234,11 +240,13 @@ def _level(problem: RoverProblem) -> Factor:
         means = rover.levelling(source, nodes.time)
         known = np.isfinite(means.force_b[:, 0])
         force[known], sigma[known] = means.force_b[known], means.sigma[known]
-    every = np.arange(n)
+    intervals, every = nodes.intervals, nodes.at(np.arange(n))
 
     def factor(x: Estimate) -> list[Block]:
-        args = (force, every, x.R_nb, g_n, x.calibration, layout, c_of, sigma, nodes.time)
-        return [wv.tilt(wv.interval(x.R_nb), slope_sd, nodes.time), wv.level(*args)]
+        return [
+            rw.tilt(rw.turns(x.R_nb), slope_sd, intervals),
+            rw.level(force, g_n, sigma, layout, every, x),
+        ]
 
     return factor
 
@@ -246,17 +254,10 @@ def _level(problem: RoverProblem) -> Factor:
 def _inertial(problem: RoverProblem, at: Estimate) -> Factor:
     """With gyros: inertial factors as for any vehicle."""
     assert problem.inc is not None and problem.noise is not None
-    nodes, origin = problem.nodes, problem.origin
-    pre = preintegrate(problem.inc, nodes.edge, at.calibration[nodes.segment, :6], problem.noise)
-
-    def factor(x: Estimate) -> list[Block]:
-        g = origin.gravity(0.5 * (x.p_n[:-1] + x.p_n[1:]))
-        field = Field(origin.Omega_n, g, origin.gravity_gradient)
-        bias = x.calibration[nodes.segment, :6]
-        args = (pre, x.R_nb, x.v_n, x.p_n, bias, field, nodes.time, nodes.segment)
-        return [inertial(*args, problem.layout.dim)]
-
-    return factor
+    nodes, layout = problem.nodes, problem.layout
+    bias = at.calibration[nodes.segment, layout.bias]
+    pre = preintegrate(problem.inc, nodes.edge, bias, problem.noise)
+    return inertial_factor(problem.origin, layout, nodes, pre)
 
 
 def _heading(problem: RoverProblem) -> Factor:
@@ -269,20 +270,17 @@ def _heading(problem: RoverProblem) -> Factor:
         nodes.time[node], wheels.time, wheels.yaw
     )
     value = seen.heading + rover.K_GUESS * turned
-    sigma = np.full(len(value), rover.heading_sd(seen, wheels))
-    return lambda x: [heading(value, sigma, node, x.R_nb, seen.time)]
+    sigma, scope = np.full(len(value), rover.heading_sd(seen, wheels)), nodes.at(node, seen.time)
+    return lambda x: [heading(value, sigma, scope, x)]
 
 
 def _gnss(problem: RoverProblem) -> Factor:
     """Position fixes, each at its nearest node."""
-    gnss = problem.run.gnss
+    gnss, nodes, layout = problem.run.gnss, problem.nodes, problem.layout
     assert gnss is not None
-    nodes = problem.nodes
     node, dt = nearest_node(nodes, gnss.time)
     on = np.flatnonzero(np.abs(dt) < FIX_REACH_S)
     sigma = np.maximum(gnss.sd_enu[on], FIX_SD)
-    segment = nodes.segment[np.minimum(node[on], len(nodes.segment) - 1)]
-    p_n = fixes_n(problem.run, problem.origin)[on]
-    fixes = Fixes(p_n, sigma, dt[on], node[on], segment, gnss.time[on])
-    antenna, offset = problem.layout.column("antenna"), problem.layout.column("gnss_offset")
-    return lambda x: [position(fixes, antenna, offset, x.R_nb, x.v_n, x.p_n, x.calibration)]
+    fixes = Fixes(fixes_n(problem.run, problem.origin)[on], sigma, dt[on])
+    scope = nodes.at(node[on], gnss.time[on])
+    return lambda x: [position(fixes, layout, scope, x)]

@@ -6,7 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from factors import kinds
 from factors.block import PHASE
+from factors.calibration import ACCEL_BIAS, GYRO_BIAS, SIDE_SLIP, SLIP_COEFFICIENT, TOE, YAW_SLIP
 from graphnav.common.run import Array, Run
 from graphnav.graph.calibrations import DEG_H, MG
 from graphnav.reading.outages import Outages, in_use
@@ -23,7 +25,8 @@ STILL_LEAST_S = 2.0  # a shorter pause is part of the drive
 EPISODE_S, EPISODE_SHARE = 3.0, 0.25  # shorter or smaller (of the speed) is left untold
 DOUBTED = 0.3
 ODOMETER_S = 0.2
-INNER = ("calibration_mean", "bounds", "tilt", "wheel_speed")  # no measurements of their own
+# no measurements of their own
+INNER = (kinds.CALIBRATION_MEAN, kinds.BOUNDS, kinds.TILT, kinds.WHEEL_SPEED)
 
 
 @dataclass(frozen=True)
@@ -41,12 +44,12 @@ class Told:
 XYZ = ("x", "y", "z")
 DEG = np.deg2rad(1.0)
 TOLD = (
-    Told("gyro_bias", "gyro_bias_deg_h", "deg/h", XYZ, DEG_H),
-    Told("accel_bias", "accel_bias_mg", "mg", XYZ, MG),
-    Told("slip_coefficient", "slip_coefficient", "1", ("k_s",), 1.0),
-    Told("side_slip", "side_slip", "1", ("right",), 1.0),
-    Told("toe", "toe_deg_m", "deg/m", ("left",), DEG, constant=True),
-    Told("yaw_slip", "yaw_slip_deg_m", "deg/m", ("left",), DEG),
+    Told(GYRO_BIAS, "gyro_bias_deg_h", "deg/h", XYZ, DEG_H),
+    Told(ACCEL_BIAS, "accel_bias_mg", "mg", XYZ, MG),
+    Told(SLIP_COEFFICIENT, "slip_coefficient", "1", ("k_s",), 1.0),
+    Told(SIDE_SLIP, "side_slip", "1", ("right",), 1.0),
+    Told(TOE, "toe_deg_m", "deg/m", ("left",), DEG, constant=True),
+    Told(YAW_SLIP, "yaw_slip_deg_m", "deg/m", ("left",), DEG),
 )
 
 
@@ -142,7 +145,7 @@ def odometry(solution: RoverSolution) -> Odometry:
     every = max(1, round(ODOMETER_S / float(np.median(np.diff(wheels.time)))))
     time, v_b = wheels.time[::every], wheels.motion.v_b[::every]
     segment_time = solution.problem.nodes.segment_time
-    slips = solution.estimate.calibration[:, solution.problem.layout.column("slip_coefficient")]
+    slips = solution.estimate.calibration[:, solution.problem.layout.column(SLIP_COEFFICIENT)]
     k = np.interp(time, segment_time, slips)
     return Odometry(time, v_b[:, 1], k * v_b[:, 0], k * v_b[:, 1])
 
@@ -172,7 +175,7 @@ def verdicts(solution: RoverSolution) -> list[str]:
         said.append("no heading sensor: heading rests on the start and the wheels")
     if problem.inc is None and problem.run.accelerometer is None:
         said.append("no accelerometer: the rover is taken to drive on level ground")
-    column = problem.layout.column("slip_coefficient")
+    column = problem.layout.column(SLIP_COEFFICIENT)
     k = solution.estimate.calibration[:, column]
     seen = " and ".join(t.side for t in solution.tracks)
     how = f"felt from the ground's profile under the {seen} wheels" if seen else "not felt directly"

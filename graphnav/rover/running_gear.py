@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from factors import rocker_bogie as rb
-from factors.wheel_velocity import WheelSums
+from factors.rover_wheels import WheelSums
 from graphnav.common.errors import InputError
 from graphnav.common.run import Accelerometer, Array, ExternalHeading, Imu, RoverGear
 from graphnav.reading.vehicle import RoverSpec

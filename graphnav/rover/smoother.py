@@ -6,15 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from factors import so3
-from factors import wheel_velocity as wv
-from factors.calibration import Component, Layout
+from factors import kinds, so3
+from factors.calibration import SLIP_COEFFICIENT, TOE, YAW_SLIP, Component, Layout
+from factors.estimate import Estimate
+from factors.rover_wheels import turns
+from factors.terrain_slip import Track
 from factors.weights import Robust
 from graphnav.common.angles import rotation_of_angles
 from graphnav.common.run import Run
 from graphnav.graph.densify import Path
 from graphnav.graph.elimination import Covariances, covariances
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.solve import FINE, ROUGH, Solution, gauss_newton
 from graphnav.reading.vehicle import Vehicle
 from graphnav.rover import running_gear as rover
@@ -26,12 +27,12 @@ YAW_WINDOW = 6.0  # m over which the wheels' turn is compared with the seen one
 SEEN_S = 3.0  # heading samples further apart leave the time between unseen
 
 ROBUST = {
-    "heading": Robust("igg3", 2.5, 8.0),
-    "gnss": Robust("igg3", 2.0, 6.0),
-    "level": Robust("igg3", 2.5, 8.0),
-    "wheel_displacement": Robust("huber", 2.5),
-    "wheel_yaw": Robust("huber", 2.5),
-    "terrain_slip": Robust("igg3", 2.5, 8.0),
+    kinds.HEADING: Robust("igg3", 2.5, 8.0),
+    kinds.GNSS: Robust("igg3", 2.0, 6.0),
+    kinds.LEVEL: Robust("igg3", 2.5, 8.0),
+    kinds.WHEEL_DISPLACEMENT: Robust("huber", 2.5),
+    kinds.WHEEL_YAW: Robust("huber", 2.5),
+    kinds.TERRAIN_SLIP: Robust("igg3", 2.5, 8.0),
 }
 CONVEX = {kind: Robust("huber", 2.0) for kind in ROBUST}
 
@@ -43,7 +44,7 @@ class RoverSolution:
     problem: RoverProblem
     solution: Solution
     covariances: Covariances
-    tracks: list[rover_terrain.Track]  # sides whose wheels felt one ground
+    tracks: list[Track]  # sides whose wheels felt one ground
 
     @property
     def estimate(self) -> Estimate:
@@ -65,7 +66,7 @@ def smooth_rover(
     told("wheels")
     problem = prepare(run, vehicle)
     estimate = first_guess(problem)
-    found: list[rover_terrain.Track] = []
+    found: list[Track] = []
     for round_, robust in enumerate((CONVEX, CONVEX, ROBUST), 1):
         told(f"solve, round {round_}")
         factors = build(problem, estimate, found)
@@ -79,15 +80,13 @@ def smooth_rover(
         estimate = solution.estimate
         if robust is not ROBUST:
             path = path_of(problem, estimate)
-            k = estimate.calibration[:, problem.layout.column("slip_coefficient")]
+            k = estimate.calibration[:, problem.layout.column(SLIP_COEFFICIENT)]
             if feel_ground:
                 found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
             if round_ == 1:  # later estimates lean on the wheels' yaw too much to judge it
-                problem = with_spread(problem, "yaw_slip", 0.0, yaw_slip_sd(problem, estimate))
+                problem = with_spread(problem, YAW_SLIP, 0.0, yaw_slip_sd(problem, estimate))
             known = covariances(solution.bayes_net, problem.chain)
-            problem = with_spread(
-                problem, "slip_coefficient", *slip_spread(problem, estimate, known)
-            )
+            problem = with_spread(problem, SLIP_COEFFICIENT, *slip_spread(problem, estimate, known))
     told("covariances")
     return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain), found)
 
@@ -115,7 +114,7 @@ def slip_spread(problem: RoverProblem, x: Estimate, known: Covariances) -> tuple
 
     Those of the estimated values plus their covariance: one step of expectation maximisation.
     """
-    at = problem.layout.column("slip_coefficient")
+    at = problem.layout.column(SLIP_COEFFICIENT)
     value, variance = x.calibration[:, at], known.calibration[:, at, at]
     path = np.interp(problem.nodes.segment_time, problem.wheels.time, problem.wheels.path)
     weight = np.maximum(np.gradient(path), 0.0) if len(path) > 1 else np.zeros(1)
@@ -131,10 +130,10 @@ def yaw_slip_sd(problem: RoverProblem, x: Estimate) -> float:
     Only where the heading is seen (or gyros are fitted) throughout; else the sd stays as it was.
     """
     layout, nodes, sums = problem.layout, problem.nodes, problem.sums
-    before = float(layout.prior_sd[layout.column("yaw_slip")])
+    before = float(layout.prior_sd[layout.column(YAW_SLIP)])
     c = x.calibration[nodes.segment]
-    k, toe = c[:, layout.column("slip_coefficient")], c[:, layout.column("toe")]
-    missed = wv.interval(x.R_nb).phi[:, 2] - k * sums.yaw - toe * sums.ahead
+    k, toe = c[:, layout.column(SLIP_COEFFICIENT)], c[:, layout.column(TOE)]
+    missed = turns(x.R_nb).phi[:, 2] - k * sums.yaw - toe * sums.ahead
     stray = np.concatenate([[0.0], np.cumsum(missed)])
     way = np.concatenate([[0.0], np.cumsum(sums.path)])
     blind = np.concatenate([[0.0], np.cumsum(~_heading_seen(problem))])

@@ -1,13 +1,11 @@
 """The ground's profile under each side's wheels, as the linkage and the attitude feel it."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from factors import so3
-from factors.block import Block, Index
-from factors.calibration import Layout
-from factors.terrain_slip import Profile, arc_share, mismatch, terrain_slip
+from factors.terrain_slip import Profile, Track, arc_share, mismatch
 from graphnav.common.run import Array
 from graphnav.graph.densify import Path
 from graphnav.graph.nodes import Nodes
@@ -22,20 +20,6 @@ PIVOT, ASTRAY = 1.0, 0.02  # 1/m curvature of a turn on the spot; m of such way 
 LEAST_ROWS = 50
 LIKE_NOISE = 2.5  # neighbouring mismatches share their noise: their sigma is raised by this
 LEAST = 2e-4  # m
-
-
-@dataclass(frozen=True)
-class Track:
-    """One side's profile and where along it the mismatch counts."""
-
-    side: str
-    profile: Profile
-    at: Array  # (n,) m, ways at k = 1
-    time: Array  # (n,) s
-    segment: Index  # (n,)
-    arc: Array  # (n,) shortening of the axles' distances in curves
-    offset: Array  # (n,) m, how far the middle wheel runs beside the others' rut (turns)
-    sigma: Array  # (n,) m
 
 
 def tracks(wheels: Wheels, nodes: Nodes, path: Path, k: Array) -> list[Track]:
@@ -135,13 +119,3 @@ def _weighed(track: Track, k: Array) -> Track | None:
     slope = 1.4826 * float(np.median(np.abs(track.profile.front))) / track.profile.L_1
     sigma = LIKE_NOISE * np.hypot(max(noise(1.0), LEAST), slope * track.offset)
     return replace(track, sigma=sigma)
-
-
-def blocks(found: list[Track], calibration: Array, layout: Layout) -> list[Block]:
-    """The tracks' factors at an estimate."""
-    return [
-        terrain_slip(
-            t.profile, t.at, t.arc, calibration, layout, t.segment, t.sigma, t.time, t.side
-        )
-        for t in found
-    ]

@@ -36,9 +36,8 @@ class CausalStates:
         if prep.sensed.run.odometer is None:
             return
         estimate = window.estimate
-        pre = preintegrate(
-            prep.sensed.inc, nodes.edge, estimate.calibration[nodes.segment, :6], prep.setup.noise
-        )
+        bias = estimate.calibration[nodes.segment, prep.setup.layout.bias]
+        pre = preintegrate(prep.sensed.inc, nodes.edge, bias, prep.setup.noise)
         path = densify(prep.sensed.inc, pre, nodes, estimate, prep.setup.alignment.origin)
         try:
             line = recognise(kinematics(prep, path, estimate, nodes), prep.setup.params)

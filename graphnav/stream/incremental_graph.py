@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import gtsam
 import numpy as np
 
-from factors import so3
+from factors import kinds, so3
 from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block
+from factors.calibration import GYRO_BIAS, walk
 from factors.calibration import prior as calibration_prior
-from factors.calibration import walk
+from factors.estimate import Estimate
 from factors.inertial import predict
 from factors.preintegration import Preintegrated
 from graphnav.common.earth import Origin
@@ -24,7 +25,6 @@ from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import Array
 from graphnav.graph.assembly import Rows, stacked
 from graphnav.graph.elimination import covariances
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.nodes import room_of
 from graphnav.graph.noise import rescaled
 from graphnav.graph.problem import Problem
@@ -77,7 +77,7 @@ class IncrementalGraph:
         # error state and covariance of the newest node
         self._tip = (np.zeros(NODE_DIM), np.zeros((NODE_DIM, NODE_DIM)))
         start, c = setup.alignment.start, setup.layout.prior.copy()
-        c[:3] = setup.alignment.gyro_bias
+        c[setup.layout.slices[GYRO_BIAS]] = setup.alignment.gyro_bias
         aligned = (start.R_nb, start.v_n, start.p_n, np.zeros(()), c)
         for tape, x in zip(self._tapes, aligned, strict=True):
             tape.push(x)
@@ -161,7 +161,7 @@ class IncrementalGraph:
             ties.append(self._tie(known.calibration[-1:], new))
         problem = self.log.problem(first, self.last, self._ahead(known, n, None))
         estimate = self._ahead(known, n, problem.pre)
-        rows = self._rows(problem.linearise(estimate), first)
+        rows = self._rows(problem, estimate, first)
         if first < n:
             self._exchange(window, rows.between(0, n - first))
         segment = self.log.segment_of(n, self.last)
@@ -224,9 +224,9 @@ class IncrementalGraph:
         ]
         return list(replace(block, terms=tuple(terms)).jacobian_factors())
 
-    def _rows(self, blocks: list[Block], first: int) -> Rows:
-        dim = self.log.setup.layout.dim
-        return stacked(blocks, self.last - first, dim, FIRST, begins=first == 0)
+    def _rows(self, problem: Problem, at: Estimate, first: int) -> Rows:
+        segment, dim = problem.nodes.segment, self.log.setup.layout.dim
+        return stacked(problem.linearise(at), segment, dim, FIRST, begins=first == 0)
 
     def relinearise(self, learning: bool = False) -> None:
         """Linearise every interval again at the present estimate, as far as the lag goes back;
@@ -237,7 +237,7 @@ class IncrementalGraph:
             self._learn(window.estimate)
         if window.first < self.last:
             problem = self.log.problem(window.first, self.last, window.estimate)
-            rows = self._rows(problem.linearise(window.estimate), window.first)
+            rows = self._rows(problem, window.estimate, window.first)
             self._exchange(window, rows)
 
     def _learn(self, estimate: Estimate) -> None:
@@ -247,7 +247,7 @@ class IncrementalGraph:
         net = square_root(blocks, problem.chain, FIRST)
         joints = covariances(net, problem.chain).joints
         found = rescaled(self.log.scales, blocks, problem.groups, joints)
-        gear = {key: scale for key, scale in found.items() if not key.startswith("gnss")}
+        gear = {key: scale for key, scale in found.items() if not key.startswith(kinds.GNSS)}
         self.log.scales = {key: max(scale, BOLDEST) for key, scale in gear.items()}
 
     def _exchange(self, window: Window, rows: Rows) -> None:

@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from factors.block import Index
+from factors.estimate import Estimate
 from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import Run
-from graphnav.graph.estimate import Estimate
 from graphnav.graph.nodes import SEGMENT_S, Nodes
 from graphnav.graph.preparation import Prepared, Sensed, Setup
 from graphnav.graph.problem import Problem, build

@@ -7,6 +7,7 @@ from time import perf_counter
 import numpy as np
 from numpy.typing import ArrayLike
 
+from factors.calibration import TRACK_WIDTH
 from factors.preintegration import Increments
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array
@@ -124,7 +125,7 @@ class Smoother:
         t, *both = self._sound("add_sides", time, left, right)
         layout = None if self.graph is None else self.graph.log.setup.layout
         turns = self.vehicle.kind == "tracked" and len(t) > 0
-        if turns and layout is not None and "track_width" not in layout.slices:
+        if turns and layout is not None and TRACK_WIDTH not in layout.slices:
             raise InputError("add_sides: give both sides from the start, before the alignment")
         self._heard.sides.add(t, *both)
 

@@ -1,12 +1,11 @@
-"""The smoother's unknowns: all nodes and the calibration chain, as arrays."""
+"""The unknowns all factors speak of: the states of the nodes and the chain of calibrations."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
 from factors import so3
-from factors.block import PHASE, POSITION, ROTATION, VELOCITY
-from graphnav.common.run import Array
+from factors.block import PHASE, POSITION, ROTATION, VELOCITY, Array
 
 
 @dataclass(frozen=True)

@@ -18,14 +18,33 @@ sensor or gyro that sees a turn measures the slip.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from factors import so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block, Index, Term, whitened
-from factors.calibration import Component, Layout
+from factors import kinds, so3
+from factors.block import (
+    NODE_DIM,
+    PHASE,
+    POSITION,
+    ROTATION,
+    VELOCITY,
+    Array,
+    Block,
+    Scope,
+    Term,
+    between,
+    whitened,
+)
+from factors.calibration import (
+    ACCEL_BIAS,
+    SIDE_SLIP,
+    SLIP_COEFFICIENT,
+    TOE,
+    YAW_SLIP,
+    Component,
+    Layout,
+)
+from factors.estimate import Estimate
 
-Array = NDArray[np.float64]
-
+AXES = ("right", "forward", "up")
 E_X = np.array([1.0, 0.0, 0.0])
 
 
@@ -41,42 +60,34 @@ class WheelSums:
 
 
 @dataclass(frozen=True)
-class Interval:
-    """Geometry of all intervals, shared by the factors between nodes."""
+class Turns:
+    """Rotation over all intervals, shared by the factors between nodes."""
 
-    Q: Array  # (n, 3, 3)
-    phi: Array  # (n, 3)
+    Q: Array  # (n, 3, 3) R_i^T R_j
+    phi: Array  # (n, 3) Log Q
     dphi_i: Array  # (n, 3, 3) d phi / d theta_i
     dphi_j: Array  # (n, 3, 3)
 
 
-def interval(R: Array) -> Interval:
-    """Rotations between consecutive nodes `R` (N, 3, 3)."""
-    Q = so3.transpose(R[:-1]) @ R[1:]
+def turns(R_nb: Array) -> Turns:
+    """Rotations between consecutive nodes (N, 3, 3)."""
+    Q = so3.transpose(R_nb[:-1]) @ R_nb[1:]
     phi = so3.log(Q)
-    return Interval(Q, phi, -so3.right_jacobian_inverse(-phi), so3.right_jacobian_inverse(phi))
+    return Turns(Q, phi, -so3.right_jacobian_inverse(-phi), so3.right_jacobian_inverse(phi))
 
 
 def wheel_displacement(
-    sums: WheelSums,
-    turn: Interval,
-    R: Array,
-    p: Array,
-    calibration: Array,
-    layout: Layout,
-    segment: Index,
-    sigma: Array,
-    time: Array,
+    sums: WheelSums, turn: Turns, sigma: Array, layout: Layout, scope: Scope, x: Estimate
 ) -> Block:
-    """C2 integrated: 3 rows [right, forward, up] m in node i; `sigma` (n, 3), `time` (N,)."""
+    """C2 integrated over intervals: 3 rows [right, forward, up] m in node i; `sigma` (n, 3) m."""
     n = len(sums.path)
-    at_k, at_b = layout.column("slip_coefficient"), layout.column("side_slip")
-    k, b = calibration[segment, at_k], calibration[segment, at_b]
-    Rit = so3.transpose(R[:-1])
+    at_k, at_b = layout.column(SLIP_COEFFICIENT), layout.column(SIDE_SLIP)
+    k, b = x.calibration[scope.segment, at_k], x.calibration[scope.segment, at_b]
+    Rit = so3.transpose(x.R_nb[:-1])
     c_i, c_j = sums.centroid_b[:-1], sums.centroid_b[1:]
     H = so3.exp(0.5 * turn.phi)
     u = k[:, None] * sums.displacement + (b * sums.path)[:, None] * E_X
-    q, Qc = so3.mv(Rit, p[1:] - p[:-1]), so3.mv(turn.Q, c_j)
+    q, Qc = so3.mv(Rit, x.p_n[1:] - x.p_n[:-1]), so3.mv(turn.Q, c_j)
     swing = 0.5 * H @ so3.skew(u) @ so3.right_jacobian(0.5 * turn.phi)
     J_i, J_j = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, NODE_DIM))
     J_i[:, :, ROTATION] = so3.skew(q + Qc) + swing @ turn.dphi_i
@@ -85,104 +96,78 @@ def wheel_displacement(
     J_c = np.zeros((n, 3, layout.dim))
     J_c[:, :, at_k] = -so3.mv(H, sums.displacement)
     J_c[:, :, at_b] = -sums.path[:, None] * H[:, :, 0]
-    index = np.arange(n)
-    terms = (Term("x", index, J_i), Term("x", index + 1, J_j), Term("c", segment, J_c))
     residual = q + Qc - c_i - so3.mv(H, u)
-    axes = ("right", "forward", "up")
-    return whitened("wheel_displacement", axes, time[1:], residual, sigma, terms)
+    terms = between(scope, J_i, J_j, J_c)
+    return whitened(kinds.WHEEL_DISPLACEMENT, AXES, scope.time, residual, sigma, terms)
 
 
 def wheel_yaw(
-    sums: WheelSums,
-    turn: Interval,
-    calibration: Array,
-    layout: Layout,
-    segment: Index,
-    sigma: Array,
-    time: Array,
+    sums: WheelSums, turn: Turns, sigma: Array, layout: Layout, scope: Scope, x: Estimate
 ) -> Block:
-    """C4 integrated: 1 row, rad; `sigma` (n,)."""
+    """C4 integrated over every interval: 1 row, rad; `sigma` (n,)."""
     n = len(sums.path)
-    at_k, at_t, at_y = (layout.column(x) for x in ("slip_coefficient", "toe", "yaw_slip"))
-    k, stray = calibration[segment, at_k], calibration[segment][:, [at_t, at_y]].sum(axis=1)
+    at_k, at_t, at_y = (layout.column(name) for name in (SLIP_COEFFICIENT, TOE, YAW_SLIP))
+    c = x.calibration[scope.segment]
+    k, stray = c[:, at_k], c[:, [at_t, at_y]].sum(axis=1)
     J_i, J_j = np.zeros((n, 1, NODE_DIM)), np.zeros((n, 1, NODE_DIM))
     J_i[:, 0, ROTATION], J_j[:, 0, ROTATION] = turn.dphi_i[:, 2], turn.dphi_j[:, 2]
     J_c = np.zeros((n, 1, layout.dim))
     J_c[:, 0, at_k] = -sums.yaw
     J_c[:, 0, at_t] = J_c[:, 0, at_y] = -sums.ahead
-    index = np.arange(n)
-    terms = (Term("x", index, J_i), Term("x", index + 1, J_j), Term("c", segment, J_c))
     residual = (turn.phi[:, 2] - k * sums.yaw - stray * sums.ahead)[:, None]
-    return whitened("wheel_yaw", ("yaw",), time[1:], residual, sigma[:, None], terms)
+    terms = between(scope, J_i, J_j, J_c)
+    return whitened(kinds.WHEEL_YAW, ("yaw",), scope.time, residual, sigma[:, None], terms)
 
 
-def tilt(turn: Interval, sigma: Array, time: Array) -> Block:
+def tilt(turn: Turns, sigma: Array, scope: Scope) -> Block:
     """The ground's slope changes little over an interval: 2 rows, rad; `sigma` (n,)."""
     n = len(turn.phi)
     J_i, J_j = np.zeros((n, 2, NODE_DIM)), np.zeros((n, 2, NODE_DIM))
     J_i[:, :, ROTATION], J_j[:, :, ROTATION] = turn.dphi_i[:, :2], turn.dphi_j[:, :2]
-    index = np.arange(n)
-    terms = (Term("x", index, J_i), Term("x", index + 1, J_j))
+    terms = (Term("x", scope.node, J_i), Term("x", scope.node + 1, J_j))
     both = np.repeat(sigma[:, None], 2, axis=1)
-    return whitened("tilt", ("pitch", "roll"), time[1:], turn.phi[:, :2], both, terms)
+    return whitened(kinds.TILT, ("pitch", "roll"), scope.time, turn.phi[:, :2], both, terms)
 
 
 def level(
-    force_b: Array,
-    node: Index,
-    R: Array,
-    g_n: Array,
-    calibration: Array,
-    layout: Layout,
-    segment: Index,
-    sigma: Array,
-    time: Array,
+    force_b: Array, g_n: Array, sigma: Array, layout: Layout, scope: Scope, x: Estimate
 ) -> Block:
-    """C5, quasi-static: mean specific force (n, 3) at nodes `node`; rows [right, forward] m/s^2.
+    """C5, quasi-static: mean specific force (n, 3) at nodes; rows [right, forward] m/s^2.
 
-    `g_n` (3,) gravity, `segment` (n,) of each node, `sigma` (n,) m/s^2, `time` (n,).
+    `g_n` (3,) gravity, `sigma` (n,) m/s^2.
     """
-    n = len(node)
-    bias = layout.slices["accel_bias"]
-    up_b = so3.mtv(R[node], -g_n)
+    n, bias = len(scope.node), layout.slices[ACCEL_BIAS]
+    up_b = so3.mtv(x.R_nb[scope.node], -g_n)
     J, J_c = np.zeros((n, 2, NODE_DIM)), np.zeros((n, 2, layout.dim))
     J[:, :, ROTATION] = -so3.skew(up_b)[:, :2]
     J_c[:, :, bias] = -np.eye(3)[:2]
-    residual = (force_b - calibration[segment, bias] - up_b)[:, :2]
+    residual = (force_b - x.calibration[scope.segment, bias] - up_b)[:, :2]
     both = np.repeat(sigma[:, None], 2, axis=1)
-    terms = (Term("x", node, J), Term("c", segment, J_c))
-    return whitened("level", ("right", "forward"), time, residual, both, terms)
+    terms = (Term("x", scope.node, J), Term("c", scope.segment, J_c))
+    return whitened(kinds.LEVEL, ("right", "forward"), scope.time, residual, both, terms)
 
 
-def wheel_speed(
-    u_b: Array,
-    R: Array,
-    v: Array,
-    calibration: Array,
-    layout: Layout,
-    segment: Index,
-    sigma: Array,
-    time: Array,
-) -> Block:
-    """Velocity of the body origin (N, 3) m/s at every node, at k_s = 1; `segment`, `sigma` (N,)."""
-    n = len(u_b)
-    at_k = layout.column("slip_coefficient")
-    v_b = so3.mtv(R, v)
+def wheel_speed(u_b: Array, sigma: Array, layout: Layout, scope: Scope, x: Estimate) -> Block:
+    """Velocity of the body origin (n, 3) m/s at nodes, at k_s = 1; `sigma` (n,)."""
+    n, at_k = len(u_b), layout.column(SLIP_COEFFICIENT)
+    R = x.R_nb[scope.node]
+    v_b = so3.mtv(R, x.v_n[scope.node])
     J, J_c = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, layout.dim))
     J[:, :, ROTATION], J[:, :, VELOCITY] = so3.skew(v_b), so3.transpose(R)
     J_c[:, :, at_k] = -u_b
-    residual = v_b - calibration[segment, at_k][:, None] * u_b
-    terms = (Term("x", np.arange(n), J), Term("c", segment, J_c))
+    residual = v_b - x.calibration[scope.segment, at_k][:, None] * u_b
+    terms = (Term("x", scope.node, J), Term("c", scope.segment, J_c))
     all_axes = np.repeat(sigma[:, None], 3, axis=1)
-    return whitened("wheel_speed", ("right", "forward", "up"), time, residual, all_axes, terms)
+    return whitened(kinds.WHEEL_SPEED, AXES, scope.time, residual, all_axes, terms)
 
 
-def unused_phase(phase: Array, time: Array) -> Block:
-    """Holds the nodes' pulse phase, which a rover has no use for, at zero (N,)."""
-    J = np.zeros((len(phase), 1, NODE_DIM))
-    J[:, 0, -1] = 1.0
-    term = Term("x", np.arange(len(phase)), J)
-    return Block("phase", ("phase",), time, phase[:, None], (term,))
+def unused_phase(time: Array, x: Estimate) -> Block:
+    """Holds the nodes' pulse phase, which a rover has no use for, at zero."""
+    n = len(x.phase)
+    J = np.zeros((n, 1, NODE_DIM))
+    J[:, 0, PHASE] = 1.0
+    term = Term("x", np.arange(n), J)
+    return Block(kinds.PHASE, ("phase",), time, x.phase[:, None], (term,))
 
 
 @dataclass(frozen=True)
@@ -217,14 +202,14 @@ def wander(
     across = np.eye(dim) / gap[:, :, None]
     names = tuple(str(i) for i in range(dim))
     steps = Block(
-        "calibration_walk",
+        kinds.CALIBRATION_WALK,
         names,
         time[1:],
         np.diff(calibration, axis=0) / gap,
         (Term("c", index, -across), Term("c", index + 1, across)),
     )
     to_mean = Block(
-        "calibration_mean",
+        kinds.CALIBRATION_MEAN,
         names,
         time,
         (calibration - layout.prior) * pull,
@@ -233,20 +218,24 @@ def wander(
     return [steps, to_mean]
 
 
-def bounds(
-    layout: Layout,
-    name: str,
-    low: float,
-    high: float,
-    sigma: float,
-    calibration: Array,
-    time: Array,
-) -> Block:
+@dataclass(frozen=True)
+class Bounds:
+    """Between which a calibration is to stay, and how hard it is held back."""
+
+    name: str
+    low: float
+    high: float
+    sigma: float
+
+
+def bounded(bounds: Bounds, layout: Layout, time: Array, x: Estimate) -> Block:
     """Softly keeps a calibration within bounds (C6's clip): a row only where it lies outside."""
-    at = layout.column(name)
-    value = calibration[:, at]
-    excess = np.where(value > high, value - high, np.where(value < low, value - low, 0.0))
+    at = layout.column(bounds.name)
+    value = x.calibration[:, at]
+    excess = np.where(value > bounds.high, value - bounds.high, 0.0)
+    excess = np.where(value < bounds.low, value - bounds.low, excess)
     J = np.zeros((len(value), 1, layout.dim))
-    J[:, 0, at] = (excess != 0) / sigma
+    J[:, 0, at] = (excess != 0) / bounds.sigma
     term = Term("c", np.arange(len(value)), J)
-    return Block("bounds", (name,), time, (excess / sigma)[:, None], (term,))
+    residual = (excess / bounds.sigma)[:, None]
+    return Block(kinds.BOUNDS, (bounds.name,), time, residual, (term,))
