@@ -35,4 +35,4 @@ def start(known: Start, time: float, x: Estimate) -> Block:
     J[0, VELOCITY, VELOCITY] = np.eye(3)
     J[0, POSITION, POSITION] = np.eye(3)
     term = Term("x", np.zeros(1, np.int64), J / known.sd[:, None])
-    return Block(kinds.START, AXES, np.array([time]), residual[None], (term,))
+    return Block(kinds.START, AXES, np.array([time]), residual[None], (term,), sigma=known.sd[None])

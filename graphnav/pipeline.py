@@ -1,7 +1,7 @@
 """`graphnav smooth`: run file and vehicle file in, result directory out. Disk only at both ends."""
 
 import json
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from graphnav.reading.read import read_run
 from graphnav.reading.vehicle import Vehicle
 from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.result import tables, trajectory
+from graphnav.result.quality import Quality
 from graphnav.result.solved import Calibrated, Solved
 from graphnav.result.writing import whole_directory
 from graphnav.views.views import Views
@@ -43,8 +44,10 @@ def smooth(
     csv: bool = False,
     lag: float | None = None,
     progress: Stages | None = None,
-) -> None:
+) -> Quality:
     """Smooth one run and write its result directory; see interface.md for every option.
+
+    What is returned says how far the result can be relied on; a rejected one is written too.
 
     Raises `InputError` when the input or the options are at fault, `SolutionError` when the sensors
     leave the solution undetermined.
@@ -61,12 +64,32 @@ def smooth(
         told("trajectory")
         columns = trajectory.table(solved, rate_hz)
         dense = columns if rate_hz >= COMPARED_HZ else trajectory.table(solved, COMPARED_HZ)
+        quality = judge(solved, dense, told)
         with whole_directory(out) as directory:
             told("writing")
-            write(solved, columns, dense, findings, reference, csv, directory, told)
+            judged = Judged(solved, quality, findings)
+            write(judged, columns, dense, reference, csv, directory, told)
             views.make(directory, told)
             told.done()
             _update_stages(directory, told)
+    return quality
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A solved run with all that is said about it."""
+
+    solved: Solved
+    quality: Quality
+    findings: list[str]  # about what was read
+
+
+def judge(solved: Solved, columns: dict[str, Any], told: Stages) -> Quality:
+    """The result's grade; `columns` of its trajectory."""
+    from graphnav.batch import judgement
+
+    told("judging")
+    return judgement.judge(solved, columns)
 
 
 def solve(
@@ -111,10 +134,9 @@ def solve(
 
 
 def write(
-    solved: Solved,
+    judged: Judged,
     columns: dict[str, Any],
     comparable: dict[str, Any],
-    findings: list[str],
     reference: "DataFrame | None",
     csv: bool,
     directory: Path,
@@ -126,7 +148,9 @@ def write(
     """
     import pandas as pd
 
+    solved = judged.solved
     table = pd.DataFrame(columns)
+    table.attrs["quality"] = judged.quality.grade
     table.to_parquet(directory / "trajectory.parquet", index=False)
     if csv:
         table.to_csv(directory / "trajectory.csv", index=False)
@@ -151,7 +175,7 @@ def write(
         told("comparing")
         comparison = compare(pd.DataFrame(comparable), reference).as_dict()
     _write_json(directory / "calibration.json", calibration(solved))
-    said = summary(solved, table, findings, len(slips), comparison)
+    said = summary(judged, table, len(slips), comparison)
     _write_json(directory / "summary.json", said)
 
 
@@ -175,18 +199,21 @@ def _told(c: Calibrated, clock: float) -> dict[str, Any]:
 
 
 def summary(
-    solved: Solved,
+    judged: Judged,
     table: "DataFrame",
-    findings: list[str],
     slips: int,
     comparison: dict[str, Any] | None,
 ) -> dict[str, Any]:
     """summary.json, stages left out."""
+    from graphnav.batch import doubts
+
+    solved = judged.solved
     origin = solved.origin
     step = np.diff(table[["e", "n", "u"]].to_numpy(), axis=0)
     quiet = np.hypot(table["v_e"], table["v_n"]).to_numpy()[1:] > 0.02
     found = {
         "graphnav": 1,
+        "quality": judged.quality.as_dict(),
         "run": str(solved.run.path),
         "vehicle": solved.vehicle.body.name or solved.vehicle.kind,
         "kind": solved.vehicle.kind,
@@ -204,8 +231,8 @@ def summary(
         "events": slips,
         "solver": solved.solver,
         "residuals": _residuals(solved),
-        "warnings": findings,
-        "verdicts": solved.verdicts,
+        "warnings": judged.findings,
+        "verdicts": [*solved.verdicts, *doubts.where(solved)],
     }
     if comparison is not None:
         found["comparison"] = comparison

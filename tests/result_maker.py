@@ -210,6 +210,11 @@ def _summary(states: pd.DataFrame, duration: float) -> dict[str, object]:
     seconds = (states["end"] - states["start"]).groupby(states["state"]).agg(["count", "sum"])
     return {
         "run": "run-001", "vehicle": "tracked",
+        "quality": {
+            "grade": "doubtful", "why": ["the heading stated in [start] is 3 deg off"],
+            "remedy": ["leave out [start] heading_deg"], "heading_sd_deg": 0.02,
+            "position_sd_m": {"median": 0.8, "worst": 2.1, "at_s": 1834.0},
+        },
         "origin": {"lat": 40.12, "lon": 116.23, "height": 60.0},
         "duration_s": duration, "distance_m": 7.1 * duration,
         "states": {s: {"count": int(c), "seconds": float(t)} for s, c, t in seconds.itertuples()},

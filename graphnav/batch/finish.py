@@ -47,7 +47,7 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
             "heading_source": prep.setup.alignment.source,
             "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
         },
-        verdicts=verdicts(found, smoothed),
+        verdicts=verdicts(found),
         gaps=_gaps(smoothed),
     )
 

@@ -1,9 +1,7 @@
 """Calibrations as they are told: in the field's units, with what the run could not determine."""
 
 import numpy as np
-from numpy.typing import NDArray
 
-from factors import kinds
 from factors.calibration import (
     ACCEL_BIAS,
     ANTENNA,
@@ -19,15 +17,11 @@ from factors.calibration import (
     lateral_of,
 )
 from graphnav.batch.smoother import Smoothed
-from graphnav.common.run import Array
 from graphnav.graph.calibrations import DEG_H, MG
 from graphnav.result.solved import Calibrated
 
 XYZ = ("x", "y", "z")
 DEG = np.deg2rad(1.0)
-CONTRADICTED = 2.5  # sigma of a stated heading
-DOUBTED = 0.5  # weight of a fix
-SURPRISING = 5.0  # sigma of an odometer's scale
 
 
 def calibrated(smoothed: Smoothed) -> list[Calibrated]:
@@ -91,20 +85,14 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
     return out
 
 
-def verdicts(found: list[Calibrated], smoothed: Smoothed) -> list[str]:
-    """What was learnt, what was not and what disagreed, in sentences."""
-    said = _disagreements(smoothed)
+def verdicts(found: list[Calibrated]) -> list[str]:
+    """What was learnt and what was not, in sentences."""
+    said = []
     for c in found:
         if c.name == "odometer_scale":
             drift = 1e3 * float(np.ptp(c.value[:, 0]))
             mean, sd = float(c.value.mean()), float(np.median(c.sd))
             said.append(f"odometer scale {mean:.4f} +- {sd:.4f}, drifted {drift:.1f} permille")
-            off = abs(mean - c.prior[0]) / c.prior_sd[0]
-            if off > SURPRISING:
-                said.append(
-                    f"that is {off:.0f} of its sigma from nominal: check the odometer's unit, "
-                    "direction and metres_per_pulse"
-                )
         late = c.name == "time_offset_s" and abs(c.value[0, 0]) > max(0.002, 2 * c.sd[0, 0])
         if late and c.observable[0]:
             said.append(
@@ -115,28 +103,3 @@ def verdicts(found: list[Calibrated], smoothed: Smoothed) -> list[str]:
             name = c.name.rsplit("_", 1)[0].replace("_", " ")
             said.append(f"{name} {', '.join(hidden)}: not observable in this run")
     return said
-
-
-def _disagreements(smoothed: Smoothed) -> list[str]:
-    """A stated heading the run contradicts, and spans in which fixes were doubted."""
-    said = []
-    clock = smoothed.prep.sensed.run.clock_start
-    solution, known = smoothed.solution, smoothed.prep.setup.alignment.start
-    for block, weight in zip(solution.blocks, solution.weights, strict=True):
-        if block.kind == kinds.START and abs(block.residual[0, 2]) > CONTRADICTED:
-            off = abs(np.rad2deg(block.residual[0, 2] * known.sd[2]))
-            said.append(
-                f"the heading {smoothed.prep.setup.alignment.source} disagrees with the run by "
-                f"{off:.2f} deg, {abs(block.residual[0, 2]):.1f} of its sigma"
-            )
-        if block.kind == kinds.GNSS:
-            for a, b in _spans(block.time, weight[:, :2].min(1) < DOUBTED):
-                said.append(f"GNSS disagreed {a + clock:.0f}-{b + clock:.0f} s: down-weighted")
-    return said
-
-
-def _spans(time: Array, mask: NDArray[np.bool_]) -> list[tuple[float, float]]:
-    """Times of the first and last of three or more consecutive True."""
-    edge = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    pairs = zip(edge[::2], edge[1::2], strict=True)
-    return [(float(time[a]), float(time[b - 1])) for a, b in pairs if b - a >= 3]

@@ -38,7 +38,8 @@ def cli() -> None:
       [vehicle]
       kind = "wheeled"        # or tracked, rover
 
-    Exit status: 0 done, 1 the solution failed, 2 the input or an option is at fault.
+    Exit status: 0 done, 1 the solution failed, 2 the input or an option is at fault,
+    3 written, but rejected: the sensors contradict each other beyond use.
     """
 
 
@@ -113,7 +114,7 @@ def smooth(
         stages("starting")
         from graphnav.pipeline import smooth as smoothed
 
-        smoothed(
+        quality = smoothed(
             run,
             vehicle_path=vehicle,
             out=out,
@@ -132,6 +133,11 @@ def smooth(
     from graphnav.cli.digest import digest
 
     click.echo(digest(out))
+    if quality.grade == "rejected":
+        from graphnav.common.errors import RejectedError
+
+        cure = "; ".join(quality.remedy[:1])
+        raise RejectedError(f"{run}: rejected (written all the same): {quality.why[0]}; {cure}")
 
 
 @cli.command(short_help="What is noteworthy about a run file, without smoothing.")

@@ -4,18 +4,30 @@ import json
 from pathlib import Path
 from typing import Any
 
+from graphnav.result.quality import in_one_line
+
 SHOWN = 6  # warnings before the rest are left to summary.json
 
 
 def digest(directory: Path) -> str:
-    """What `summary.json` in `directory` says first: length, accuracy, warnings, where to look."""
+    """What `summary.json` in `directory` says first: how far to rely on it, then the rest."""
     summary = json.loads((directory / "summary.json").read_text(encoding="utf-8"))
-    lines = [f"wrote {directory}", *_driven(summary), *_accuracy(summary)]
+    lines = [*_quality(summary["quality"]), f"wrote {directory}"]
+    lines += [*_driven(summary), *_accuracy(summary)]
     warnings = summary.get("warnings", [])
     lines += [f"- {warning}" for warning in warnings[:SHOWN]]
     if warnings[SHOWN:]:
         lines.append(f"- and {len(warnings) - SHOWN} more in summary.json")
     return "\n".join(lines)
+
+
+def _quality(quality: dict[str, Any]) -> list[str]:
+    """The line that comes first, what else speaks against the result, and the cures."""
+    return [
+        in_one_line(quality),
+        *(f"  and {why}" for why in quality["why"][1:]),
+        *(f"  try: {remedy}" for remedy in quality["remedy"]),
+    ]
 
 
 def _driven(summary: dict[str, Any]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The two ways graphnav can fail; each carries one line a user can act on."""
+"""The ways graphnav can fail; each carries one line a user can act on."""
 
 
 class GraphnavError(Exception):
@@ -17,3 +17,9 @@ class SolutionError(GraphnavError):
     """The solution failed: names the sensor or time span that left it without information."""
 
     exit_code = 1
+
+
+class RejectedError(GraphnavError):
+    """A result was written, but its sensors contradict each other beyond use: cause and cure."""
+
+    exit_code = 3

@@ -81,10 +81,19 @@ class Results:
 
     @cached_property
     def title(self) -> str:
-        """The run in a few words that tell it from others: its folder and file, `folder/run`."""
+        """The run in a few words that tell it from others: its folder and file, `folder/run`.
+
+        A rejected one is marked, wherever it is named.
+        """
         run = Path(str(self.summary.get("run", self.directory.name)))
         folder = run.parent.name or self.directory.resolve().parent.name
-        return f"{folder}/{run.name.split('.')[0]}"
+        mark = " REJECTED" * (self.quality.get("grade") == "rejected")
+        return f"{folder}/{run.name.split('.')[0]}{mark}"
+
+    @property
+    def quality(self) -> dict[str, Any]:
+        """How far the result can be relied on; empty in results of before it was judged."""
+        return dict(self.summary.get("quality") or {})
 
     @cached_property
     def origin(self) -> Origin:

@@ -1,5 +1,6 @@
-"""The words inside a recording: verdicts, warnings, figures and how to read the drawing."""
+"""The words inside a recording: quality, verdicts, warnings, how to read the drawing."""
 
+from graphnav.result.quality import in_one_line
 from graphnav.result.result_directory import Results
 from graphnav.views.recording.entry import Entry, static
 from graphnav.views.recording.paths import exaggeration
@@ -23,6 +24,10 @@ def entries(results: Results) -> list[Entry]:
 def _text(results: Results) -> str:
     summary = results.summary
     lines = [f"# {results.title}"]
+    if results.quality:
+        lines += [f"**{in_one_line(results.quality)}**"]
+        lines += _bullets("What speaks against it", results.quality["why"])
+        lines += _bullets("What to try", results.quality["remedy"])
     distance, duration = summary.get("distance_m"), summary.get("duration_s")
     if distance is not None and duration is not None:
         lines.append(f"{distance / 1000:.2f} km in {duration:.0f} s")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import graphnav
+from graphnav.result.quality import in_one_line
 from graphnav.result.result_directory import Results
 from graphnav.views.report import drive, quality, svg, tables
 
@@ -41,6 +42,8 @@ def _content(results: Results) -> dict[str, Any]:
         "vehicle": summary.get("vehicle", "vehicle"),
         "version": graphnav.__version__,
         "clock_start": f"{results.clock_start:g}",
+        "quality": results.quality,
+        "relied": in_one_line(results.quality) if results.quality else "",
         "headline": tables.headline(results),
         "verdicts": summary.get("verdicts") or [],
         "warnings": summary.get("warnings") or [],

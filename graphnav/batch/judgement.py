@@ -1,0 +1,38 @@
+"""The result is judged before it is given: what the solver doubted, weighed and put in words."""
+
+import numpy as np
+
+from graphnav.batch import doubts
+from graphnav.common.run import Array
+from graphnav.reading.plausibility import driving_findings
+from graphnav.result.quality import Doubt, Quality, Spread, graded
+from graphnav.result.solved import Solved
+
+
+def judge(solved: Solved, columns: dict[str, Array]) -> Quality:
+    """The quality of a solved run; `columns` of its trajectory as `trajectory.table` makes them."""
+    return graded(_doubts(solved, columns), *_spreads(columns))
+
+
+def _doubts(solved: Solved, columns: dict[str, Array]) -> list[Doubt]:
+    return [
+        *doubts.of_start(solved),
+        *doubts.of_calibrations(solved.calibrated),
+        *(Doubt(1, said) for said in _driving(solved)),
+        *doubts.of_factors(solved),
+        *doubts.of_motion(columns),
+        *doubts.of_inertial_noise(solved),
+    ]
+
+
+def _driving(solved: Solved) -> list[str]:
+    """Where driving contradicts axes or units."""
+    return [] if solved.run.imu is None else driving_findings(solved.run, solved.vehicle)
+
+
+def _spreads(columns: dict[str, Array]) -> tuple[Spread, float]:
+    """Horizontal deviation over the run and the usual one of the heading."""
+    sd = np.hypot(columns["sd_e"], columns["sd_n"])
+    at = int(np.argmax(sd))
+    position = Spread(float(np.median(sd)), float(sd[at]), float(columns["time"][at]))
+    return position, float(np.median(columns["sd_heading_deg"]))

@@ -1,0 +1,126 @@
+"""The result is judged before it is given."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from smoothing import QUICK, changed, command, summary
+
+from graphnav.batch import doubts
+from graphnav.batch.judgement import judge
+from graphnav.common.progress import Stages
+from graphnav.pipeline import solve
+from graphnav.reading.read import read_run
+from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.result import trajectory
+from graphnav.result.quality import Doubt, Spread, graded, in_one_line
+from graphnav.result.result_directory import load
+from graphnav.result.solved import Solved
+from graphnav.simulation import simulate
+
+SPREAD = Spread(0.8, 2.1, 1834.0)
+FIXES = ["gnss_lat", "gnss_lon", "gnss_height"]
+
+
+@pytest.fixture(scope="module")
+def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A simulated car with fixes."""
+    where = tmp_path_factory.mktemp("quality") / "drive"
+    simulate("wheeled", where, 5, grade="mems", duration=150, gnss=True)
+    return where
+
+
+@pytest.fixture(scope="module")
+def solved(drive: Path) -> Solved:
+    """The drive, smoothed."""
+    path = drive / "run.csv.gz"
+    vehicle = load_vehicle(None, path)
+    return solve(read_run(path, vehicle), vehicle, True, (), 10.0, Stages(show=False))
+
+
+def grade_of(solved: Solved) -> str:
+    return judge(solved, trajectory.table(solved, 10.0)).grade
+
+
+def doubting(solved: Solved, kind: str, share: float) -> Solved:
+    """The run with a share of the factors of a kind doubted."""
+    weights = [
+        np.where(np.arange(len(w))[:, None] < share * len(w), 0.1, 1.0) * np.ones_like(w)
+        if block.kind == kind
+        else w
+        for block, w in zip(solved.blocks, solved.weights, strict=True)
+    ]
+    return replace(solved, weights=weights)
+
+
+def test_a_quality_is_as_bad_as_its_worst_doubt_which_is_told_first() -> None:
+    found = graded([Doubt(1, "a", "x"), Doubt(2, "b"), Doubt(0, "c", "x")], SPREAD, 0.02)
+    assert (found.grade, found.why, found.remedy) == ("rejected", ("b", "a", "c"), ("x",))
+    assert graded([Doubt(0, "c")], SPREAD, 0.02).grade == "good"
+    assert graded([], SPREAD, 0.02).grade == "good"
+
+
+def test_the_first_line_says_how_far_to_rely_on_it() -> None:
+    line = in_one_line(graded([Doubt(2, "turned")], SPREAD, 0.0213).as_dict())
+    assert line == (
+        "position +- 0.8 m, worst +- 2.1 m at 1834 s; heading +- 0.021 deg: REJECTED; turned"
+    )
+
+
+def test_a_healthy_run_is_good(solved: Solved) -> None:
+    assert grade_of(solved) == "good"
+
+
+@pytest.mark.parametrize(
+    ("kind", "share", "grade"),
+    [
+        ("gnss", 0.3, "doubtful"),
+        ("gnss", 0.6, "rejected"),
+        ("displacement", 0.2, "doubtful"),
+        ("displacement", 0.7, "rejected"),
+    ],
+)
+def test_what_was_doubted_grades(solved: Solved, kind: str, share: float, grade: str) -> None:
+    assert grade_of(doubting(solved, kind, share)) == grade
+
+
+def test_a_calibration_its_prior_excludes_is_told(solved: Solved) -> None:
+    [scale] = [c for c in solved.calibrated if c.name == "odometer_scale"]
+    off = replace(scale, value=0 * scale.value + 0.2776)
+    [doubt] = doubts.of_calibrations([off])
+    assert doubt.level == 1
+    assert "0.2776" in doubt.why and "km/h" in doubt.remedy
+    assert not doubts.of_calibrations([scale])
+
+
+def test_motion_no_vehicle_has_is_rejected() -> None:
+    time = np.arange(0.0, 20.0, 0.1)
+    speed = np.where(time < 10, 10.0, 150.0)
+    columns = {"time": time, "v_e": speed, "v_n": 0 * time, "v_u": 0 * time}
+    said = doubts.of_motion(columns)
+    assert [d.level for d in said] == [2, 2]
+    assert "150 m/s" in said[0].why
+    assert not doubts.of_motion(columns | {"v_e": np.full(len(time), 30.0)})
+
+
+def test_a_rejected_result_is_written_and_marked(
+    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def backwards(table: pd.DataFrame) -> pd.DataFrame:
+        """The fixes of a drive the other way round."""
+        on = table["gnss_lat"].notna()
+        table.loc[on, FIXES] = table.loc[on, FIXES].to_numpy()[::-1]
+        return table
+
+    run = changed(drive, tmp_path, backwards) / "run.csv"
+    assert command("smooth", run, "--out", tmp_path / "out", *QUICK) == 3
+    said = capsys.readouterr()
+    assert said.err.count("\n") == 1 and "rejected" in said.err
+    assert said.out.startswith("position +- ") and "REJECTED" in said.out.splitlines()[0]
+    found = summary(tmp_path / "out")["quality"]
+    assert set(found) == {"grade", "why", "remedy", "position_sd_m", "heading_sd_deg"}
+    assert found["grade"] == "rejected" and found["why"]
+    assert "REJECTED" in load(tmp_path / "out").title
+    assert pd.read_parquet(tmp_path / "out" / "trajectory.parquet").attrs["quality"] == "rejected"
