@@ -14,6 +14,12 @@ FORMATS = ("kml", "geojson", "gpx", "tum", "csv", "sbet", "nmea")
 SCENARIOS = ("tracked", "wheeled", "slip", "rover")
 PATH = click.Path(path_type=Path)
 result = click.argument("directory", type=PATH, metavar="RESULT")
+vehicle_file = click.option(
+    "--vehicle", type=PATH, help="Vehicle file.  [default: vehicle.toml beside RUN]"
+)
+result_directory = click.option(
+    "--out", type=PATH, help="Result directory.  [default: <run stem>_graphnav beside RUN]"
+)
 
 
 @click.group(cls=OneLine, context_settings={"help_option_names": ["-h", "--help"]})
@@ -45,10 +51,8 @@ def cli() -> None:
 
 @cli.command(short_help="A run file into a result directory.")
 @click.argument("run", type=PATH)
-@click.option("--vehicle", type=PATH, help="Vehicle file.  [default: vehicle.toml beside RUN]")
-@click.option(
-    "--out", type=PATH, help="Result directory.  [default: <run stem>_graphnav beside RUN]"
-)
+@vehicle_file
+@result_directory
 @click.option(
     "--mode",
     type=click.Choice(["batch", "incremental"]),
@@ -130,19 +134,15 @@ def smooth(
             lag=more["lag"],
             progress=stages,
         )
-    from graphnav.cli.digest import digest
+    from graphnav.cli.digest import digest, raise_if_rejected
 
     click.echo(digest(out))
-    if quality.grade == "rejected":
-        from graphnav.common.errors import RejectedError
-
-        cure = "; ".join(quality.remedy[:1])
-        raise RejectedError(f"{run}: rejected (written all the same): {quality.why[0]}; {cure}")
+    raise_if_rejected(run, quality)
 
 
 @cli.command(short_help="What is noteworthy about a run file, without smoothing.")
 @click.argument("run", type=PATH)
-@click.option("--vehicle", type=PATH, help="Vehicle file.  [default: vehicle.toml beside RUN]")
+@vehicle_file
 @click.option("--gnss/--no-gnss", default=True, help="Check as if without fixes.")
 def check(run: Path, vehicle: Path | None, gnss: bool) -> None:
     """Read RUN and its vehicle file and say what is noteworthy, without smoothing."""
@@ -156,6 +156,39 @@ def check(run: Path, vehicle: Path | None, gnss: bool) -> None:
     for finding in findings:
         click.echo(f"- {finding}")
     click.echo(f"{run}: {recorded.end:.1f} s, {len(findings)} finding(s)")
+
+
+@cli.command(short_help="Are a run's deviations honest? Fixes withheld in turn.")
+@click.argument("run", type=PATH)
+@vehicle_file
+@result_directory
+@click.option(
+    "--block",
+    "lengths",
+    type=click.FloatRange(1, 3600),
+    multiple=True,
+    default=(10.0, 30.0, 60.0, 120.0),
+    show_default=True,
+    metavar="S",
+    help="Length of the blocks of fixes withheld; repeatable.",
+)
+def validate(run: Path, vehicle: Path | None, out: Path | None, lengths: tuple[float, ...]) -> None:
+    """Smooth RUN with fixes withheld in turn, and hold the path against them.
+
+    Says how far the path was off at the withheld fixes and what it had promised, by the length of
+    the blocks; kept as validation.json in the result directory, or beside RUN where there is none.
+    """
+    from graphnav.cli import validation_table
+    from graphnav.common.progress import Stages
+    from graphnav.result.writing import default_out
+    from graphnav.validation import validate as validated
+
+    with Stages() as stages:
+        result = out or default_out(run)
+        said, file = validated(run, vehicle_path=vehicle, result=result, progress=stages)
+    validation_table.show(said["blocks"], run.name)
+    click.echo(said["said"])
+    click.echo(f"wrote {file}")
 
 
 @cli.command(short_help="A result against a reference.")

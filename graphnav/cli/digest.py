@@ -4,7 +4,8 @@ import json
 from pathlib import Path
 from typing import Any
 
-from graphnav.result.quality import in_one_line
+from graphnav.common.errors import RejectedError
+from graphnav.result.quality import Quality, in_one_line
 
 SHOWN = 6  # warnings before the rest are left to summary.json
 
@@ -19,6 +20,13 @@ def digest(directory: Path) -> str:
     if warnings[SHOWN:]:
         lines.append(f"- and {len(warnings) - SHOWN} more in summary.json")
     return "\n".join(lines)
+
+
+def raise_if_rejected(run: Path, quality: Quality) -> None:
+    """RejectedError with the likeliest cause and cure, when the result is rejected."""
+    if quality.grade == "rejected":
+        said = "; ".join([*quality.why[:1], *quality.remedy[:1]])
+        raise RejectedError(f"{run}: rejected (written all the same): {said}")
 
 
 def _quality(quality: dict[str, Any]) -> list[str]:

@@ -67,6 +67,7 @@ class Results:
     truth: "DataFrame | None" = None
     residuals: "DataFrame | None" = None
     causal: "DataFrame | None" = None
+    validation: dict[str, Any] | None = None  # what `graphnav validate` found
 
     @cached_property
     def time(self) -> Array:
@@ -192,6 +193,7 @@ def load(directory: Path) -> Results:
         truth=_optional(directory / "truth.parquet", ["time", "e", "n", "u"]),
         residuals=_optional(directory / "residuals.parquet", ["time", "kind", "axis", "value"]),
         causal=_optional(directory / "trajectory_causal.parquet", ["time", "e", "n", "u"]),
+        validation=_json(kept) if (kept := directory / "validation.json").exists() else None,
     )
 
 

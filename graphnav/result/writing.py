@@ -13,7 +13,7 @@ from graphnav.common.errors import InputError
 
 MARKER = ".graphnav"  # lists the files graphnav wrote into the directory
 # made from a finished result by other commands, so no loss when it is replaced
-DERIVED = ("run.rrd", "report.html", "export/*")
+DERIVED = ("run.rrd", "report.html", "validation.json", "export/*")
 
 
 def default_out(run_path: Path) -> Path:
@@ -39,6 +39,24 @@ def check_replaceable(out: Path) -> None:
             f"{out}: holds {foreign[0]}, which graphnav did not write, and is not replaced; "
             "move it away or give another --out"
         )
+
+
+def keep_in_result(result: Path, name: str, run_path: Path, text: str) -> Path:
+    """Write one of `DERIVED` into a result directory; beside the run where `result` is none.
+
+    Aside first and then renamed; the path written.
+    """
+    if (result / MARKER).is_file():
+        path = result / name
+    else:
+        path = run_path.parent / f"{run_path.name.split('.')[0]}_{name}"
+    aside = _sibling(path, "part")
+    try:
+        aside.write_text(text, encoding="utf-8")
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
+    return path
 
 
 @contextmanager

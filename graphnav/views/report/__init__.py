@@ -44,6 +44,7 @@ def _content(results: Results) -> dict[str, Any]:
         "clock_start": f"{results.clock_start:g}",
         "quality": results.quality,
         "relied": in_one_line(results.quality) if results.quality else "",
+        "validated": (results.validation or {}).get("said", ""),
         "headline": tables.headline(results),
         "verdicts": summary.get("verdicts") or [],
         "warnings": summary.get("warnings") or [],
