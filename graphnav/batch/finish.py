@@ -6,10 +6,10 @@ from factors import so3
 from factors.calibration import LEVER, MOUNTING, SCALE, forward_of, lateral_of
 from graphnav.batch.learnt import calibrated, verdicts
 from graphnav.batch.smoother import Smoothed
-from graphnav.common.earth import Origin
 from graphnav.common.run import Array, Run
 from graphnav.graph.kinematics import kinematics
 from graphnav.graph.motion import driven
+from graphnav.graph.preparation import fixes_in
 from graphnav.result.solved import Odometry, Solved
 
 
@@ -37,7 +37,7 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
         weights=smoothed.solution.weights,
         reckoned=smoothed.reckoned,
         odometry=_odometry(smoothed, R_bm),
-        fixes_n=_fixes(recorded, origin),
+        fixes_n=fixes_in(origin, recorded.gnss),
         rests=prep.sensed.rests,
         solver={
             "iterations": smoothed.iterations,
@@ -59,15 +59,6 @@ def _gaps(smoothed: Smoothed) -> Array | None:
         return None
     on = np.flatnonzero(inc.doubt.any(axis=1))
     return np.column_stack([inc.edge[on], inc.edge[on + 1], inc.doubt[on]])
-
-
-def _fixes(recorded: Run, origin: Origin) -> Array:
-    """Every fix of the file in n, (F, 3) m."""
-    gnss = recorded.gnss
-    if gnss is None:
-        return np.zeros((0, 3))
-    lat, lon = np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg)
-    return origin.local(lat, lon, gnss.height)
 
 
 def _odometry(smoothed: Smoothed, R_bm: Array) -> Odometry | None:

@@ -11,7 +11,7 @@ from graphnav.common.run import Array
 from graphnav.graph.densify import Path, densify
 from graphnav.graph.elimination import Covariances, covariances
 from graphnav.graph.kinematics import kinematics
-from graphnav.graph.nodes import FIX_SPACING_S, Nodes, place_nodes
+from graphnav.graph.nodes import Nodes, near_fixes, place_nodes
 from graphnav.graph.noise import rescaled
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.problem import Problem, build
@@ -105,11 +105,8 @@ def _nodes(prep: Prepared, boundaries: Array, interval: float) -> Nodes:
     """Nodes at the interval, standstill edges, state boundaries and fixes."""
     edges = prep.sensed.inc.edge
     events = np.concatenate([prep.sensed.rests.ravel(), boundaries])
-    extra = np.zeros(0)
-    for sensor in (prep.sensed.gnss, prep.sensed.run.heading):
-        if sensor is not None:
-            slot = np.floor(sensor.time / FIX_SPACING_S)
-            extra = np.concatenate([extra, sensor.time[np.unique(slot, return_index=True)[1]]])
+    aids = (prep.sensed.gnss, prep.sensed.run.heading)
+    extra = near_fixes(*(aid.time for aid in aids if aid is not None))
     return place_nodes(edges, events, extra, prep.sensed.rests, interval)
 
 

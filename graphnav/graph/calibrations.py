@@ -42,12 +42,10 @@ def layout(
 
     With fixes in use also the antenna's lever arm and their common offset.
     """
-    imu, odometer = vehicle.imu, vehicle.odometer
-    gyro, accel = imu.gyro_bias_deg_h * DEG_H, imu.accel_bias_mg * MG
+    odometer = vehicle.odometer
     mount_sd = np.deg2rad(odometer.mount_sd_deg)
     components = [
-        Component(GYRO_BIAS, np.zeros(3), np.full(3, gyro), BIAS_DRIFT * gyro),
-        Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
+        *bias_components(vehicle),
         Component(SCALE, np.zeros(1), _one(odometer.scale_sd), SCALE_WALK),
         Component(MOUNTING, odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
         Component(LEVER, odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
@@ -72,6 +70,15 @@ def layout(
         width = Component(TRACK_WIDTH, _one(WIDTH_RATIO * gauge), _one(WIDTH_RATIO_SD * gauge))
         components.append(width)
     return Layout((*components, *gnss_components(vehicle, gnss)))
+
+
+def bias_components(vehicle: Vehicle) -> tuple[Component, Component]:
+    """Gyro and accelerometer bias, as large as the sensors' grade says."""
+    gyro, accel = vehicle.imu.gyro_bias_deg_h * DEG_H, vehicle.imu.accel_bias_mg * MG
+    return (
+        Component(GYRO_BIAS, np.zeros(3), np.full(3, gyro), BIAS_DRIFT * gyro),
+        Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
+    )
 
 
 def gnss_components(vehicle: Vehicle, gnss: Gnss | None) -> list[Component]:

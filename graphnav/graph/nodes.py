@@ -68,6 +68,12 @@ def place_nodes(
     return Nodes(chosen, time, segment, 0.5 * (bounds[1:] + bounds[:-1]))
 
 
+def near_fixes(*times: Array) -> Array:
+    """Times of fixes that ask for nodes: of each sensor's (n,) s one in `FIX_SPACING_S`."""
+    some = [t[np.unique(np.floor(t / FIX_SPACING_S), return_index=True)[1]] for t in times]
+    return np.concatenate([np.zeros(0), *some])
+
+
 def room_of(interval: float) -> float:
     """s that a grid node keeps from events, with nodes every `interval` s."""
     return min(CLOSEST_S, interval / 2)

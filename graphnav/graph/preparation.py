@@ -7,7 +7,7 @@ import numpy as np
 from factors import so3
 from factors.calibration import Layout
 from factors.preintegration import Increments, InertialNoise, preintegrate
-from graphnav.common.earth import G_STANDARD
+from graphnav.common.earth import G_STANDARD, Origin
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Gnss, Run
 from graphnav.graph import calibrations
@@ -106,15 +106,18 @@ def prepare(
         still = within(inc, rests)
     table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
     noise = inertial_noise(vehicle)
-    fixes = np.zeros((0, 3))
-    if gnss is not None:
-        fixes = alignment.origin.local(
-            np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
-        )
+    fixes = fixes_in(alignment.origin, gnss)
     layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle))
     rock = rocking(inc, rests, noise.gyro)
     setup = Setup(vehicle, noise, alignment, table, layout, two_sided(run, vehicle), interval)
     return Prepared(setup, Sensed(used, inc, still, rests, fixes, rock))
+
+
+def fixes_in(origin: Origin, gnss: Gnss | None) -> Array:
+    """Fixes in the frame n of an origin, (F, 3) m."""
+    if gnss is None:
+        return np.zeros((0, 3))
+    return origin.local(np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height)
 
 
 def inertial_noise(vehicle: Vehicle) -> InertialNoise:

@@ -17,6 +17,7 @@ from factors.preintegration import Preintegrated, interval_of_increment, preinte
 from factors.standstill import StandstillNoise, standstill
 from factors.start import start
 from graphnav.common.earth import Origin
+from graphnav.common.run import Array, Gnss
 from graphnav.graph.elimination import Chain
 from graphnav.graph.motion import Factor, Round, Scales, States, motion_factors
 from graphnav.graph.nodes import Nodes, nearest_node
@@ -67,8 +68,9 @@ def build(
     moving = np.setdiff1d(np.arange(len(seg)), resting)
     motion, groups = motion_factors(Round(prep, nodes, pre, state, at, scales), moving)
     factors.extend(motion)
-    if prep.sensed.gnss is not None:
-        fixes = _gnss(prep, nodes, scales)
+    gnss = prep.sensed.gnss
+    if gnss is not None:
+        fixes = gnss_factor(gnss, prep.sensed.fixes_n, setup.layout, nodes, scales)
         factors.append(fixes)
         groups[kinds.GNSS] = np.full(len(fixes(at)[0].time), "")
     if prep.sensed.run.heading is not None:
@@ -109,18 +111,15 @@ def _standstill(prep: Prepared, nodes: Nodes, resting: Index) -> Factor:
     return lambda x: [standstill(noise, scope, x)] if len(resting) else []
 
 
-def _gnss(prep: Prepared, nodes: Nodes, scales: Scales) -> Factor:
-    gnss, layout = prep.sensed.gnss, prep.setup.layout
-    assert gnss is not None
+def gnss_factor(gnss: Gnss, fixes_n: Array, layout: Layout, nodes: Nodes, scales: Scales) -> Factor:
+    """Fixes (F, 3) m in n, each at its nearest node; of several near one node the closest."""
     node, dt = nearest_node(nodes, gnss.time)
-    # of several fixes near one node only the closest is used
     order = np.lexsort((np.abs(dt), node))
     pick = np.sort(order[np.unique(node[order], return_index=True)[1]])
     pick = pick[np.abs(dt[pick]) < FIX_REACH_S]
     factor_of = np.array([scales.get(f"{kinds.GNSS}::{axis}", 1.0) for axis in FIX_AXES])
     sigma = np.maximum(gnss.sd_enu[pick], FIX_SD) * factor_of
-    fixes = Fixes(prep.sensed.fixes_n[pick], sigma, dt[pick])
-    scope = nodes.at(node[pick], gnss.time[pick])
+    fixes, scope = Fixes(fixes_n[pick], sigma, dt[pick]), nodes.at(node[pick], gnss.time[pick])
     return lambda x: [position(fixes, layout, scope, x)]
 
 

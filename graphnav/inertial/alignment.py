@@ -42,7 +42,7 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
 
     Raises `InputError` saying what is missing when position or heading cannot be known.
     """
-    origin = _origin(run, vehicle)
+    origin = frame_origin(run, vehicle)
     standing = still_until > 0
     R_level = _levelled(run, inc, still_until)
     rate = _mean_rate(inc, still_until) if standing else np.zeros(3)
@@ -50,7 +50,7 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     R_nb = _turned(R_level, heading)
     bias = rate - R_nb.T @ origin.Omega_n if standing else np.zeros(3)
     limit = 3 * np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600
-    p_0, p_sd = _first_position(run, vehicle, origin, inc)
+    p_0, p_sd = first_position(run, vehicle, origin, float(inc.edge[0]))
     v_sd = LOOSE_SPEED
     tilt = LOOSE_TILT
     start = Start(R_nb, np.zeros(3), p_0, np.repeat([tilt, v_sd, p_sd], 3))
@@ -58,7 +58,7 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     return Alignment(origin, start, np.clip(bias, -limit, limit), source)
 
 
-def _origin(run: Run, vehicle: Vehicle) -> Origin:
+def frame_origin(run: Run, vehicle: Vehicle) -> Origin:
     """The frame's origin: the first fixes, or the stated start."""
     if run.gnss is not None:
         few = slice(0, 10)
@@ -73,21 +73,20 @@ def _origin(run: Run, vehicle: Vehicle) -> Origin:
     return Origin(np.deg2rad(at.lat), np.deg2rad(at.lon), at.height or 0.0)
 
 
-def _first_position(
-    run: Run, vehicle: Vehicle, origin: Origin, inc: Increments
-) -> tuple[Array, float]:
-    """Prior position in n [m] and its sigma: the first fix; where fixes are late, what is stated.
+def first_position(run: Run, vehicle: Vehicle, origin: Origin, begin: float) -> tuple[Array, float]:
+    """Prior position in n [m] and its sigma at `begin` s: the first fix; where fixes are late, what
+    is stated.
 
     Fixes from the start on make a stated position needless (and may be told in another datum).
     """
     gnss, at = run.gnss, vehicle.start
-    wait = np.inf if gnss is None else float(gnss.time[0] - inc.edge[0])
+    wait = np.inf if gnss is None else float(gnss.time[0] - begin)
     if at.lat is not None and at.lon is not None and wait > LATE_FIX_S:
         lat, lon = np.deg2rad(at.lat), np.deg2rad(at.lon)
         height = origin.height if at.height is None else at.height
         known = origin.local(np.asarray(lat), np.asarray(lon), np.asarray(height))
         return known, at.position_sd_m
-    assert gnss is not None  # `_origin` has refused a run with neither
+    assert gnss is not None  # `frame_origin` has refused a run with neither
     first = origin.local(
         np.deg2rad(gnss.lat_deg[0]), np.deg2rad(gnss.lon_deg[0]), np.asarray(gnss.height[0])
     )

@@ -12,8 +12,6 @@ import numpy as np
 from factors import rover_wheels as rw
 from factors.block import Block
 from factors.calibration import (
-    ACCEL_BIAS,
-    GYRO_BIAS,
     SIDE_SLIP,
     SLIP_COEFFICIENT,
     TOE,
@@ -24,18 +22,19 @@ from factors.calibration import (
 from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
 from factors.heading import heading
-from factors.position import Fixes, position
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
 from factors.terrain_slip import Track, terrain_slip
 from graphnav.common.angles import rotation_of_angles
-from graphnav.common.earth import G_STANDARD, Origin
+from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
-from graphnav.common.run import Array, Run
-from graphnav.graph.calibrations import gnss_components
+from graphnav.common.run import Gnss, Run
+from graphnav.graph.calibrations import bias_components, gnss_components
 from graphnav.graph.elimination import Chain
-from graphnav.graph.nodes import Nodes, nearest_node, place_nodes
-from graphnav.graph.problem import inertial_factor
+from graphnav.graph.nodes import Nodes, near_fixes, nearest_node, place_nodes
+from graphnav.graph.preparation import fixes_in, inertial_noise
+from graphnav.graph.problem import gnss_factor, inertial_factor
+from graphnav.inertial.alignment import first_position, frame_origin
 from graphnav.inertial.increments import increments
 from graphnav.reading.vehicle import Vehicle
 from graphnav.rover import running_gear as rover
@@ -47,11 +46,10 @@ SLIP_BOUNDS = rw.Bounds(SLIP_COEFFICIENT, 0.7, 1.02, sigma=0.01)  # C6's clip, s
 TOE_SD, SIDE_SD, SIDE_LENGTH = 0.02, 0.02, 10.0  # rad/m; m/m; m
 YAW_LOOSE = 3.0  # the yaw slip's spread before it is measured, of what the wheels' fit says
 YAW_LENGTH = 1.0  # m over which wheels keep slipping unlike each other
-STEP_FLOOR, STEP_SHARE = 0.001, 0.03  # m; of the way
-YAW_FLOOR, YAW_SHARE = 3e-4, 0.3  # rad; of the wheels' own yaw uncertainty
-TILT_FLOOR, TILT_SHARE = 1e-3, 0.5  # rad; rad per m
-LOOSE_POSITION = 300.0  # m, of the first fix
-FIX_REACH_S, FIX_SD = 0.6, 0.05  # a fix further from every node is left out; m, best believed
+# errors of the wheels, white: all per sqrt(s)
+STEP_FLOOR, STEP_SHARE = 0.001, 0.03  # m; of the speed
+YAW_FLOOR, YAW_SHARE = 3e-4, 0.3  # rad; of the yaw slip's spread times the speed
+TILT_FLOOR, TILT_SHARE = 1e-3, 0.5  # rad; rad/m of the speed
 UNLEVEL_SD = 0.1  # rad, of the ground, where no accelerometer tells
 UNHEARD_SPEED, UNHEARD_RATE = 0.2, 0.1  # m/s, rad/s: what may happen unheard
 SPEED_SD, SPEED_SHARE = 0.01, 0.1  # m/s; of the speed
@@ -87,49 +85,30 @@ def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
     wheels = rover.wheels_of(run.rover, linkage, vehicle.odometer.lever_b)
     inc = increments(run.imu) if run.imu is not None else None
     edges = wheels.time if inc is None else inc.edge
-    nodes = place_nodes(edges, np.zeros(0), np.zeros(0), np.zeros((0, 2)))
-    origin = _origin(run, vehicle)
-    spec = vehicle.imu
-    layout, wandering = calibrations(
-        spec.gyro_bias_deg_h if inc else None, spec.accel_bias_mg, wheels
+    fixes = () if run.gnss is None else (run.gnss.time,)
+    nodes = place_nodes(edges, np.zeros(0), near_fixes(*fixes), np.zeros((0, 2)))
+    origin = frame_origin(run, vehicle)
+    layout, wandering = calibrations(vehicle, run.gnss, wheels, gyro=inc is not None)
+    return RoverProblem(
+        run=run,
+        origin=origin,
+        wheels=wheels,
+        sums=rover.sums_between(wheels, nodes.time),
+        nodes=nodes,
+        layout=layout,
+        wandering=wandering,
+        start=_start(run, vehicle, wheels, nodes, origin),
+        inc=inc,
+        noise=inertial_noise(vehicle),
     )
-    noise = InertialNoise(
-        np.deg2rad(spec.gyro_noise_deg_sqrt_h) / 60,
-        spec.accel_noise_mg_sqrt_hz * 1e-3 * G_STANDARD,
-    )
-    sums = rover.sums_between(wheels, nodes.time)
-    known = _start(run, vehicle, wheels, nodes, origin)
-    layout = Layout((*layout.components, *gnss_components(vehicle, run.gnss)))
-    return RoverProblem(run, origin, wheels, sums, nodes, layout, wandering, known, inc, noise)
-
-
-def _origin(run: Run, vehicle: Vehicle) -> Origin:
-    """The frame's origin: the stated start, else the first fixes."""
-    at, gnss = vehicle.start, run.gnss
-    if at.lat is not None and at.lon is not None:
-        return Origin(np.deg2rad(at.lat), np.deg2rad(at.lon), at.height or 0.0)
-    if gnss is None:
-        raise InputError(f"{run.path}: no start: give [start] lat, lon, height in the vehicle file")
-    few = [float(np.median(x[:10])) for x in (gnss.lat_deg, gnss.lon_deg, gnss.height)]
-    return Origin(np.deg2rad(few[0]), np.deg2rad(few[1]), few[2])
-
-
-def fixes_n(run: Run, origin: Origin) -> Array:
-    """All fixes of the run in n, (F, 3) m."""
-    if run.gnss is None:
-        return np.zeros((0, 3))
-    g = run.gnss
-    return origin.local(np.deg2rad(g.lat_deg), np.deg2rad(g.lon_deg), g.height)
 
 
 def calibrations(
-    gyro_deg_h: float | None, accel_mg: float, wheels: rover.Wheels
+    vehicle: Vehicle, gnss: Gnss | None, wheels: rover.Wheels, gyro: bool
 ) -> tuple[Layout, tuple[rw.Wandering, ...]]:
-    """Biases of what is fitted, and the ground: slip, side slip, toe, yaw slip."""
-    gyro, accel = np.deg2rad(gyro_deg_h or 0.0) / 3600, accel_mg * 1e-3 * G_STANDARD
-    biases = [Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), 0.003 * accel)]
-    if gyro_deg_h is not None:
-        biases.insert(0, Component(GYRO_BIAS, np.zeros(3), np.full(3, gyro), 0.003 * gyro))
+    """Biases of what is fitted, the ground (slip, side slip, toe, yaw slip) and the antenna."""
+    gyro_bias, accel_bias = bias_components(vehicle)
+    biases = [gyro_bias, accel_bias] if gyro else [accel_bias]
     moving = wheels.motion.speed > 0.01
     stray = wheels.motion.w_z_sd[moving] / wheels.motion.speed[moving]
     yaw_sd = YAW_LOOSE * float(np.median(stray)) if moving.any() else 0.02
@@ -139,7 +118,8 @@ def calibrations(
         rw.Wandering(_one(YAW_SLIP, 0.0, yaw_sd), YAW_LENGTH),
     )
     toe = _one(TOE, 0.0, TOE_SD)
-    return Layout((*biases, toe, *(w.component for w in wandering))), wandering
+    ground = (toe, *(w.component for w in wandering))
+    return Layout((*biases, *ground, *gnss_components(vehicle, gnss))), wandering
 
 
 def _one(name: str, prior: float, sd: float) -> Component:
@@ -161,9 +141,7 @@ def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes, origi
             "or a heading_deg column"
         )
     tilt = np.deg2rad(30.0)
-    stated = at.has_position
-    p_n = np.zeros(3) if stated else fixes_n(run, origin)[0]
-    p_sd = at.position_sd_m if stated else LOOSE_POSITION
+    p_n, p_sd = first_position(run, vehicle, origin, float(nodes.time[0]))
     sds = np.array([tilt, tilt, sd, 1.0, 1.0, 1.0, p_sd, p_sd, p_sd])
     R = rotation_of_angles(*np.array([0.0, 0.0, float(value)]))
     return Start(R, np.zeros(3), p_n, sds)
@@ -177,7 +155,8 @@ def build(problem: RoverProblem, at: Estimate, found: list[Track]) -> list[Facto
     if problem.run.heading is not None:
         factors.append(_heading(problem))
     if problem.run.gnss is not None:
-        factors.append(_gnss(problem))
+        fixes_n = fixes_in(problem.origin, problem.run.gnss)
+        factors.append(gnss_factor(problem.run.gnss, fixes_n, layout, problem.nodes, {}))
     factors.append(lambda x: [terrain_slip(track, layout, x) for track in found])
     return factors
 
@@ -206,10 +185,11 @@ def _wheels(problem: RoverProblem) -> Factor:
     nodes, layout, wheels, sums = problem.nodes, problem.layout, problem.wheels, problem.sums
     T = np.diff(nodes.time)
     unheard = (1 - rover.heard_share(wheels, nodes.time)).clip(0) * T
-    step = np.hypot(STEP_FLOOR + STEP_SHARE * sums.path, UNHEARD_SPEED * unheard)
+    root, pace = np.sqrt(T), sums.path / T
+    step = np.hypot((STEP_FLOOR + STEP_SHARE * pace) * root, UNHEARD_SPEED * unheard)
     steps = np.repeat(step[:, None], 3, 1)
     yaw_sd = problem.layout.prior_sd[layout.column(YAW_SLIP)]
-    yaw = np.hypot(YAW_FLOOR + YAW_SHARE * yaw_sd * sums.path, UNHEARD_RATE * unheard)
+    yaw = np.hypot((YAW_FLOOR + YAW_SHARE * yaw_sd * pace) * root, UNHEARD_RATE * unheard)
     u_b = rover.origin_velocity(wheels, nodes.time)
     speed = SPEED_SD + SPEED_SHARE * np.linalg.norm(u_b, axis=1)
     intervals, every = nodes.intervals, nodes.at(np.arange(len(nodes.time)))
@@ -232,7 +212,8 @@ def _level(problem: RoverProblem) -> Factor:
     """
     nodes, layout = problem.nodes, problem.layout
     n = len(nodes.time)
-    slope_sd = TILT_FLOOR + TILT_SHARE * problem.sums.path
+    T = np.diff(nodes.time)
+    slope_sd = (TILT_FLOOR + TILT_SHARE * problem.sums.path / T) * np.sqrt(T)
     g_n = problem.origin.gravity(np.zeros(3))
     force, sigma = np.tile(-g_n, (n, 1)), np.full(n, UNLEVEL_SD * float(np.linalg.norm(g_n)))
     source = problem.run.accelerometer
@@ -272,15 +253,3 @@ def _heading(problem: RoverProblem) -> Factor:
     value = seen.heading + rover.K_GUESS * turned
     sigma, scope = np.full(len(value), rover.heading_sd(seen, wheels)), nodes.at(node, seen.time)
     return lambda x: [heading(value, sigma, scope, x)]
-
-
-def _gnss(problem: RoverProblem) -> Factor:
-    """Position fixes, each at its nearest node."""
-    gnss, nodes, layout = problem.run.gnss, problem.nodes, problem.layout
-    assert gnss is not None
-    node, dt = nearest_node(nodes, gnss.time)
-    on = np.flatnonzero(np.abs(dt) < FIX_REACH_S)
-    sigma = np.maximum(gnss.sd_enu[on], FIX_SD)
-    fixes = Fixes(fixes_n(problem.run, problem.origin)[on], sigma, dt[on])
-    scope = nodes.at(node[on], gnss.time[on])
-    return lambda x: [position(fixes, layout, scope, x)]

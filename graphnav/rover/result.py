@@ -11,12 +11,12 @@ from factors.block import PHASE
 from factors.calibration import ACCEL_BIAS, GYRO_BIAS, SIDE_SLIP, SLIP_COEFFICIENT, TOE, YAW_SLIP
 from graphnav.common.run import Array, Run
 from graphnav.graph.calibrations import DEG_H, MG
+from graphnav.graph.preparation import fixes_in
 from graphnav.reading.outages import Outages, in_use
 from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.timeline import Timeline, timeline_from_states
 from graphnav.result.events import Event
 from graphnav.result.solved import Calibrated, Odometry, Solved
-from graphnav.rover.problem import fixes_n
 from graphnav.rover.running_gear import Wheels
 from graphnav.rover.smoother import RoverSolution, first_guess, path_of, smooth_rover
 
@@ -69,8 +69,12 @@ def solve_rover(
     Raises `InputError` when wheels, geometry or start are missing, `SolutionError` when the graph
     does not settle.
     """
-    gnss = in_use(run, vehicle, use_gnss, outages)
-    solution = smooth_rover(replace(run, gnss=gnss), vehicle, told, feel_ground)
+    used = replace(run, gnss=in_use(run, vehicle, use_gnss, outages))
+    return finished(smooth_rover(used, vehicle, told, feel_ground), run, vehicle)
+
+
+def finished(solution: RoverSolution, run: Run, vehicle: Vehicle) -> Solved:
+    """Everything the writers need of a smoothed rover; `run` as it was read, all fixes in it."""
     problem = solution.problem
     kept = [i for i, b in enumerate(solution.solution.blocks) if b.kind not in INNER]
     return Solved(
@@ -87,7 +91,7 @@ def solve_rover(
         weights=[solution.solution.weights[i] for i in kept],
         reckoned=path_of(problem, first_guess(problem, sensed=False)),
         odometry=odometry(solution),
-        fixes_n=fixes_n(run, problem.origin),
+        fixes_n=fixes_in(problem.origin, run.gnss),
         solver={
             "kind": "rover, gyro-free" if problem.inc is None else "rover with gyros",
             "nodes": len(problem.nodes.time),
