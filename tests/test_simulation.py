@@ -56,12 +56,13 @@ def navigated(truth: Truth) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return position, velocity, np.degrees(turned) * 3600
 
 
-@pytest.mark.parametrize("scenario", ["tracked", "wheeled", "slip"])
+@pytest.mark.parametrize("scenario", sorted(DRIVES))
 def test_strapdown_navigation_returns_to_the_truth(scenario: str) -> None:
     position, velocity, attitude = navigated(simulate_truth(scenario, 11, duration=600.0))
     assert np.hypot(position[:, 0], position[:, 1]).max() < 0.15
     assert np.abs(velocity).max() < 2e-3
-    assert np.abs(attitude).max() < 0.02
+    # on bumps the axes of rotation turn within a sample: its mean rate cannot tell that
+    assert np.abs(attitude).max() < (0.1 if scenario.startswith("field-") else 0.02)
 
 
 def test_truth_drives_turns_climbs_and_shakes(tracked: Driven) -> None:
@@ -282,7 +283,9 @@ def test_a_directory_that_is_not_ours_is_left_alone(tmp_path: Path) -> None:
         {"ground": "ice"},
         {"grade": "quartz"},
         {"duration": -5.0},
-        {"rate_hz": 150},
+        {"rate_hz": 5},
+        {"without": ("vibration",)},
+        {"scenario": "field-skid", "without": ("rain",)},
     ],
 )
 def test_unknown_choices_name_the_known_ones_and_write_nothing(

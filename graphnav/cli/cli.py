@@ -9,9 +9,9 @@ import click
 
 from graphnav import __version__
 from graphnav.cli.command import Numbers, OneLine, report_failures
+from graphnav.cli.simulate import simulate
 
 FORMATS = ("kml", "geojson", "gpx", "tum", "csv", "sbet", "nmea")
-SCENARIOS = ("tracked", "wheeled", "slip", "rover")
 PATH = click.Path(path_type=Path)
 result = click.argument("directory", type=PATH, metavar="RESULT")
 vehicle_file = click.option(
@@ -210,27 +210,7 @@ def compare(result_path: Path, truth: Path, as_json: bool) -> None:
         comparison_table.show(comparison, result_path.name)
 
 
-@cli.command(short_help="A run with known truth, to try things on.")
-@click.argument("scenario", metavar="SCENARIO")
-@click.option("--out", type=PATH, help="Directory.  [default: <scenario>_<seed>]")
-@click.option("--seed", type=int, default=0, show_default=True)
-@click.option("--grade", help="IMU: navigation, fog, tactical, mems.  [default: the scenario's]")
-@click.option("--ground", default="concrete", show_default=True, help="concrete or soil (tracked).")
-@click.option("--duration", type=float, metavar="S", help="Seconds to drive.")
-@click.option("--gnss", is_flag=True, help="Satellite fixes too.")
-@click.option("--slips", is_flag=True, help="Side slips and hops (wheeled).")
-def simulate(scenario: str, out: Path | None, seed: int, **more: Any) -> None:
-    """Drive a simulated vehicle: run.csv.gz, truth.csv.gz and vehicle.toml with known answers.
-
-    SCENARIO is tracked, wheeled, slip or rover.
-
-    \b
-    Example:
-      graphnav simulate tracked --out demo --seed 1 --ground soil
-    """
-    from graphnav.simulation import simulate as simulated
-
-    click.echo(f"wrote {simulated(scenario, out or Path(f'{scenario}_{seed}'), seed, **more)}")
+cli.add_command(simulate)
 
 
 @cli.command(short_help="Open a result in the rerun viewer.")

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from graphnav.simulation import inertial, rotation
+from graphnav.simulation import inertial, ride, rotation
 from graphnav.simulation.ellipsoid import Array
+from graphnav.simulation.field import Field
 from graphnav.simulation.ground import Roughness, tilt
 from graphnav.simulation.inertial import Body, Truth
 from graphnav.simulation.legs import Commands
 
-INTERNAL_HZ = 400  # of the exact motion; the samples are means over several of its steps
+INTERNAL_HZ = 400  # of the exact motion, at least; the samples are means over several of its steps
 
 
 @dataclass(frozen=True)
@@ -25,12 +26,21 @@ class Options:
     ground: str = "concrete"  # concrete | soil
     gnss: bool = False
     slips: bool = False
-    rate_hz: int = 100  # of the samples, a divisor of INTERNAL_HZ
+    rate_hz: int = 100  # of the samples
+    noise: float = 1.0  # the IMU's white noise over its data sheet's
+    sampled: bool = False  # the IMU's values are those of an instant, not means
+    vibration: float = 1.0  # of the scenario's own; `field` scenarios
+    without: tuple[str, ...] = ()  # of field.EFFECTS
 
     @property
     def every(self) -> int:
         """Internal steps per sample."""
-        return INTERNAL_HZ // self.rate_hz
+        return -(-INTERNAL_HZ // self.rate_hz)
+
+    @property
+    def internal_hz(self) -> int:
+        """Rate of the internal grid: the least multiple of the samples' from INTERNAL_HZ on."""
+        return self.every * self.rate_hz
 
 
 @dataclass(frozen=True)
@@ -46,6 +56,9 @@ class Setup:
     start: tuple[float, float, float]  # deg, deg, m of the IMU
     heading_sd_deg: float
     rough: Roughness
+    scale_error: tuple[float, float] = (0.005, 0.015)  # bounds of a speed column's, either sign
+    sides: bool = False  # odo_left and odo_right
+    field: Field | None = None  # None: a laboratory's sensors on a laboratory's ground
 
     @property
     def lever(self) -> Array:
@@ -75,7 +88,7 @@ class Driven:
     setup: Setup
     commands: Commands
     truth: Truth
-    odometer_speed: Array  # (M,) m/s at the internal nodes, scale factor not applied
+    odometer_speed: Array  # (M,) or, of both sides, (M, 2) m/s at the internal nodes, unscaled
     constants: dict[str, Any] = field(default_factory=dict)  # calibration.json entries
     events: Sequence[Event] = ()
 
@@ -88,7 +101,7 @@ def stream(seed: int, topic: str) -> np.random.Generator:
 def clock(options: Options, duration: float) -> Array:
     """Internal time grid (M,) s of a run of `duration` seconds: whole samples."""
     steps = round(duration * options.rate_hz) * options.every
-    return np.arange(steps + 1) / INTERNAL_HZ
+    return np.arange(steps + 1) / options.internal_hz
 
 
 def follow(
@@ -100,6 +113,10 @@ def follow(
     turned = np.concatenate([[0.0], np.cumsum(w[1:] + w[:-1]) * (dt / 2)])
     heading = stream(options.seed, "heading").uniform(0, 2 * np.pi) - turned
     roll, pitch = tilt(stream(options.seed, "ground"), setup.rough, commands)
+    if setup.field and "bumps" in setup.field.effects:
+        ridden = ride.ridden(stream(options.seed, "bumps"), setup.field, commands, roll)
+        pitch, roll = pitch + ridden.pitch, roll + ridden.roll
+        sideways, upward = sideways + ridden.sideways, upward + ridden.upward
     mount = rotation.single(np.radians(setup.mount_deg))
     lat, lon, height = setup.start
     body = Body(np.array([np.radians(lat), np.radians(lon), height]), mount, setup.lever)

@@ -8,7 +8,7 @@ from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.legs import Commands
 
 WAVES = 3  # per angle
-WAVELENGTH = (45.0, 400.0)  # m
+WAVELENGTH = (45.0, 400.0)  # m, of the laboratory's ground
 
 
 @dataclass(frozen=True)
@@ -21,21 +21,25 @@ class Roughness:
     roll_shake: float
     pitch_hz: float
     roll_hz: float
+    wavelength: tuple[float, float] = WAVELENGTH
 
 
 def tilt(rng: np.random.Generator, rough: Roughness, drive: Commands) -> tuple[Array, Array]:
     """Roll and pitch (M,) rad: waves of the ground under the distance driven, and shaking."""
     dt = drive.time[1] - drive.time[0]
     distance = np.cumsum(np.abs(drive.speed)) * dt
-    pitch = _waves(rng, distance, rough.pitch)
-    roll = _waves(rng, distance, rough.roll)
+    pitch = _waves(rng, distance, rough.pitch, rough.wavelength)
+    roll = _waves(rng, distance, rough.roll, rough.wavelength)
     pitch += drive.shaking * _shake(rng, drive.time, rough.pitch_shake, rough.pitch_hz)
     roll += drive.shaking * _shake(rng, drive.time, rough.roll_shake, rough.roll_hz)
     return roll, pitch
 
 
-def _waves(rng: np.random.Generator, distance: Array, sigma: float) -> Array:
-    lengths = np.exp(rng.uniform(np.log(WAVELENGTH[0]), np.log(WAVELENGTH[1]), WAVES))
+def _waves(
+    rng: np.random.Generator, distance: Array, sigma: float, wavelength: tuple[float, float]
+) -> Array:
+    low, high = np.log(wavelength)
+    lengths = np.exp(rng.uniform(low, high, WAVES))
     share = rng.uniform(0.6, 1.4, WAVES)
     share *= sigma * np.sqrt(2 / np.sum(share**2))
     out = np.zeros(len(distance))

@@ -33,6 +33,8 @@ class Truth:
     R_nb: Array  # (N + 1, 3, 3), b right-forward-up
     gyro: Array  # (N, 3) rad/s, mean over the sample
     accel: Array  # (N, 3) m/s^2, mean specific force
+    gyro_end: Array  # (N, 3) rad/s, at the sample's end: mean over its last internal step
+    accel_end: Array  # (N, 3) m/s^2, likewise
 
     @property
     def angles_deg(self) -> Array:
@@ -60,11 +62,19 @@ def truth(time: Array, R_nb: Rotations, v_m: Array, body: Body, every: int) -> T
     w_b = _node_rate(R_nb, dt)
     v_n = R_nb.apply(body.R_bm.apply(v_m) - np.cross(w_b, body.lever_b))
     lla = ellipsoid.geodetic(body.lla, v_n, dt)
-    gyro, accel = _samples(time, R_nb, v_n, lla, every)
+    gyro, accel = _steps(time, R_nb, v_n, lla)
     nodes = slice(None, None, every)
     degrees = np.array([180 / np.pi, 180 / np.pi, 1.0])
     R = R_nb[nodes].matrices()
-    return Truth(time[nodes], lla[nodes] * degrees, v_n[nodes], R, gyro, accel)
+    ends = slice(every - 1, None, every)
+
+    def mean(x: Array) -> Array:
+        return np.asarray(x.reshape(-1, every, 3).mean(1))
+
+    return Truth(
+        time[nodes], lla[nodes] * degrees, v_n[nodes], R,
+        mean(gyro), mean(accel), gyro[ends], accel[ends],
+    )  # fmt: skip
 
 
 def _node_rate(R_nb: Rotations, dt: float) -> Array:
@@ -74,10 +84,8 @@ def _node_rate(R_nb: Rotations, dt: float) -> Array:
     return np.asarray(0.5 * (ends[1:] + ends[:-1]))
 
 
-def _samples(
-    time: Array, R_nb: Rotations, v_n: Array, lla: Array, every: int
-) -> tuple[Array, Array]:
-    """Mean rates and specific forces (N, 3) over `every` internal steps each."""
+def _steps(time: Array, R_nb: Rotations, v_n: Array, lla: Array) -> tuple[Array, Array]:
+    """Rates and specific forces (M - 1, 3) of the internal steps."""
     dt = float(time[1] - time[0])
     lat, lon_i = lla[:, 0], lla[:, 1] + ellipsoid.RATE * time
     R_in = about("z", lon_i + np.pi / 2) * about("x", np.pi / 2 - lat)
@@ -92,8 +100,4 @@ def _samples(
     # inverse left Jacobian: the constant body force whose turning mean this is (next term turn^4)
     across = np.cross(turn, mean_b)
     force_b = mean_b - 0.5 * across + np.cross(turn, across) / 12
-
-    def mean(x: Array) -> Array:
-        return np.asarray(x.reshape(-1, every, 3).mean(1))
-
-    return mean(turn / dt), mean(force_b)
+    return turn / dt, force_b

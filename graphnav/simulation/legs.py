@@ -66,8 +66,13 @@ def eased(time: Array, edges: Array, values: Sequence[float] | Array, ease: floa
     return out
 
 
-def commands(time: Array, legs: tuple[Leg, ...], speed_ease: float, yaw_ease: float) -> Commands:
-    """Legs eased into commands; at rest (`stop` legs, save their ends) everything is exactly 0."""
+def commands(
+    time: Array, legs: tuple[Leg, ...], speed_ease: float, yaw_ease: float, halt_ease: float = 0.0
+) -> Commands:
+    """Legs eased into commands; at rest (`stop` legs, save their ends) everything is exactly 0.
+
+    Locking wheels halt at once, or within `halt_ease` s.
+    """
     edges = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
     at_rest = np.zeros(len(time), bool)
     calm = np.ones(len(time))
@@ -80,5 +85,16 @@ def commands(time: Array, legs: tuple[Leg, ...], speed_ease: float, yaw_ease: fl
     moving = ~at_rest
     speed = moving * eased(time, edges, [leg.speed for leg in legs], speed_ease)
     yaw_rate = moving * eased(time, edges, [leg.yaw_rate for leg in legs], yaw_ease)
+    speed, yaw_rate = (_softened(x, halt_ease / (time[1] - time[0])) for x in (speed, yaw_rate))
     shaking = moving * calm * np.abs(speed) / (np.abs(speed) + 3.5)
     return Commands(time, speed, yaw_rate, shaking, edges, legs)
+
+
+def _softened(command: Array, width: float) -> Array:
+    """Twice the mean over `width` / 2 samples: rests stay exact, shorter by it at either end."""
+    size = round(width / 2)
+    if size < 2:
+        return command
+    box = np.full(size | 1, 1 / (size | 1))
+    twice = np.convolve(box, box)
+    return np.convolve(np.pad(command, len(twice) // 2, "edge"), twice, "valid")

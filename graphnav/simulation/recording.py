@@ -5,17 +5,20 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
-from graphnav.common.errors import InputError
-from graphnav.simulation.drive import INTERNAL_HZ, Driven, Options, Setup, stream
+from graphnav.simulation import imu, stamps
+from graphnav.simulation.drive import Driven, Options, Setup, stream
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.gnss import ANTENNA, fixes
-from graphnav.simulation.grades import DEG_H, GRADES, MG, Disturbed, disturb
+from graphnav.simulation.grades import DEG_H, GRADES, MG
 
 TRUTH_HZ = 10
 KEPT_EVERY = 10.0  # s, of the true bias and scale curves
 SPEED_HZ = 10  # of odo_speed
 SPEED_NOISE = 0.03  # m/s
+SPEED_STEP = 0.02  # m/s, of a quantised odo_speed
+SIDE_HZ, SIDE_STEP = 20, 0.005  # of odo_left and odo_right, m/s
 
 
 @dataclass(frozen=True)
@@ -30,48 +33,52 @@ class Recording:
 
 def record(driven: Driven, options: Options) -> Recording:
     """Add the sensors' errors. Raises InputError on an unknown grade."""
-    setup = driven.setup
-    if setup.grade not in GRADES:
-        raise InputError(f"IMU grade '{setup.grade}' is unknown: use {', '.join(GRADES)}")
-    rng = stream(options.seed, "imu")
-    truth = driven.truth
-    imu = disturb(rng, GRADES[setup.grade], truth.gyro, truth.accel, 1 / options.rate_hz)
-    run = {"time": np.round(truth.time[1:], 6)}
-    for axis, name in enumerate("xyz"):
-        run[f"gyro_{name}"] = np.round(imu.gyro[:, axis], 12)
-    for axis, name in enumerate("xyz"):
-        run[f"accel_{name}"] = np.round(imu.accel[:, axis], 9)
+    setup, truth = driven.setup, driven.truth
+    sensed = imu.sensed(driven, options)
     scale = scale_curve(stream(options.seed, "scale"), truth.time, driven)
+    run = {"time": np.round(truth.time[1:], 6)} | _samples(sensed.imu.gyro, sensed.imu.accel)
     run |= _odometer(stream(options.seed, "odometer"), driven, scale, options)
     if options.gnss:
         run |= fixes(stream(options.seed, "gnss"), truth)
-    constants = _constants(driven, imu, scale, options.rate_hz)
+    effects = setup.field.effects if setup.field else frozenset[str]()
+    rng, dt = stream(options.seed, "stamps"), 1 / options.rate_hz
+    rows = stamps.delivered(rng, pd.DataFrame(run), dt, effects)
     start_deg = float(truth.angles_deg[0, 2])
     wrong_deg = stream(options.seed, "start").normal(0.0, setup.heading_sd_deg)
     return Recording(
-        run=pd.DataFrame(run),
+        run=rows,
         truth=_truth(driven, options.rate_hz),
         vehicle=_vehicle(setup, (start_deg + wrong_deg) % 360, options.gnss),
         calibration={
             "seed": options.seed,
             "ground": options.ground,
             "grade": {"name": setup.grade, **asdict(GRADES[setup.grade])},
-            "distance_m": float(np.sum(driven.commands.speed) / INTERNAL_HZ),
+            "effects": sorted(effects),
+            "distance_m": float(np.sum(np.abs(driven.commands.speed)) / options.internal_hz),
             "start_heading_deg": start_deg,
-            "calibration": constants,
+            "lost_samples": len(truth.time) - 1 - len(rows),
+            "noise": imu.injected(sensed, driven, dt),
+            "calibration": _constants(driven, sensed, scale, options.rate_hz),
             "events": [asdict(e) | {"axis": e.axis} for e in driven.events],
         },
     )
+
+
+def _samples(gyro: Array, accel: Array) -> dict[str, Array]:
+    """IMU columns, to the last digit that a sensor could mean."""
+    columns = {f"gyro_{name}": np.round(gyro[:, k], 12) for k, name in enumerate("xyz")}
+    return columns | {f"accel_{name}": np.round(accel[:, k], 9) for k, name in enumerate("xyz")}
 
 
 def scale_curve(rng: np.random.Generator, time: Array, driven: Driven) -> Array:
     """True over indicated distance at each sample node (N + 1,), methods B.
 
     Pulses: warm-up of tyres or sprockets and a slow wave; wheels also lose 1.5 permille at once.
-    A speed column is off by one constant, up to 1.5 %.
+    A speed column is off by one constant, up to 1.5 % or what the setup says.
     """
     if not driven.setup.pulse:
-        return np.full(len(time), 1 / (1 + rng.uniform(0.005, 0.015) * rng.choice([-1.0, 1.0])))
+        off = rng.uniform(*driven.setup.scale_error) * rng.choice([-1.0, 1.0])
+        return np.full(len(time), 1 / (1 + off))
     warm_up = rng.uniform(2e-3, 4e-3) * rng.choice([-1.0, 1.0])
     curve = warm_up * (1 - np.exp(-time / rng.uniform(500, 900)))
     period, phase = rng.uniform(1200, 2500), rng.uniform(0, 2 * np.pi)
@@ -85,24 +92,46 @@ def scale_curve(rng: np.random.Generator, time: Array, driven: Driven) -> Array:
 def _odometer(
     rng: np.random.Generator, driven: Driven, scale: Array, options: Options
 ) -> dict[str, Array]:
-    """`odo_pulses` at every sample or `odo_speed` at 10 Hz."""
-    speed, dt, every = driven.odometer_speed, 1 / INTERNAL_HZ, options.every
-    if not driven.setup.pulse:
-        column = np.full(len(scale) - 1, np.nan)
-        apart = options.rate_hz // SPEED_HZ
-        at = slice(apart - 1, None, apart)
+    """`odo_pulses` at every sample, `odo_speed` at 10 Hz or both sides' speeds at 20 Hz."""
+    speed, dt, every = driven.odometer_speed, 1 / options.internal_hz, options.every
+    if driven.setup.pulse:
+        step = 0.5 * (speed[1:] + speed[:-1]) * dt
+        per_sample = step.reshape(-1, every).sum(1) / (0.5 * (scale[1:] + scale[:-1]))
+        counted = np.floor(np.cumsum(per_sample) / driven.setup.pulse + rng.uniform())
+        return {"odo_pulses": counted.astype(np.int64)}
+    field = driven.setup.field
+    coarse = field is not None and "quantisation" in field.effects
+    if speed.ndim == 1:
+        at = _ticks(len(scale) - 1, options.rate_hz, SPEED_HZ)
         clean = speed[every::every][at] / scale[1:][at]
-        column[at] = np.round(clean + SPEED_NOISE * rng.standard_normal(len(clean)), 4)
-        return {"odo_speed": column}
-    step = 0.5 * (speed[1:] + speed[:-1]) * dt
-    per_sample = step.reshape(-1, every).sum(1) / (0.5 * (scale[1:] + scale[:-1]))
-    counted = np.floor(np.cumsum(per_sample) / driven.setup.pulse + rng.uniform())
-    return {"odo_pulses": counted.astype(np.int64)}
+        noisy = clean + SPEED_NOISE * rng.standard_normal(len(clean))
+        if field is not None:
+            noisy[clean == 0] = 0.0  # a counter of teeth, differenced, is still when they are
+        return {"odo_speed": _sparse(len(scale) - 1, at, noisy, SPEED_STEP if coarse else 1e-4)}
+    at = _ticks(len(scale) - 1, options.rate_hz, SIDE_HZ)
+    sides = speed[every::every][at] / scale[1:][at, None]
+    step_size = SIDE_STEP if coarse else 1e-4
+    columns = (_sparse(len(scale) - 1, at, side, step_size) for side in sides.T)
+    return dict(zip(("odo_left", "odo_right"), columns, strict=True))
+
+
+def _ticks(count: int, rate_hz: int, hz: int) -> NDArray[np.int64]:
+    """Rows of `count` samples in which a sensor of `hz` reports: its own ticks, or the next row."""
+    ticks = np.arange(1, count * hz // rate_hz + 1)
+    return np.unique(-(-ticks * rate_hz // hz) - 1)
+
+
+def _sparse(count: int, at: NDArray[np.int64], value: Array, step: float) -> Array:
+    column = np.full(count, np.nan)
+    column[at] = np.round(np.round(value / step) * step, 4)
+    return column
 
 
 def _truth(driven: Driven, rate_hz: int) -> pd.DataFrame:
     """truth.csv at 10 Hz, from the first sample on."""
-    truth, rows = driven.truth, slice(1, None, rate_hz // TRUTH_HZ)
+    truth = driven.truth
+    count = (len(truth.time) - 2) * TRUTH_HZ // rate_hz + 1
+    rows = 1 + np.arange(count) * rate_hz // TRUTH_HZ
     columns: dict[str, Any] = {"time": np.round(truth.time[rows], 6)}
     for k, name in enumerate(("lat", "lon", "height")):
         columns[name] = np.round(truth.lla[rows, k], 12 if k < 2 else 6)
@@ -115,7 +144,7 @@ def _truth(driven: Driven, rate_hz: int) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _constants(driven: Driven, imu: Disturbed, scale: Array, rate_hz: int) -> dict[str, Any]:
+def _constants(driven: Driven, sensed: imu.Sensed, scale: Array, rate_hz: int) -> dict[str, Any]:
     """What calibration.json estimates, as it truly was."""
     every = round(KEPT_EVERY * rate_hz)
     time = driven.truth.time[::every]
@@ -130,13 +159,19 @@ def _constants(driven: Driven, imu: Disturbed, scale: Array, rate_hz: int) -> di
         }
 
     padded = {
-        "gyro_bias_deg_h": ("deg/h", imu.gyro_bias / DEG_H),
-        "accel_bias_mg": ("mg", imu.accel_bias / MG),
+        "gyro_bias_deg_h": ("deg/h", sensed.imu.gyro_bias / DEG_H),
+        "accel_bias_mg": ("mg", sensed.imu.accel_bias / MG),
     }
     out = {
         name: entry(unit, ["x", "y", "z"], np.concatenate([b[:1], b])[::every], time)
         for name, (unit, b) in padded.items()
     }
+    axes = {"gyro": sensed.gyro_axes, "accel": sensed.accel_axes}
+    for name, matrix in axes.items() if driven.setup.field else ():
+        across = [f"{a}{b}" for a in "xyz" for b in "xyz" if a != b]
+        off = matrix - np.eye(3)
+        out[f"{name}_scale"] = entry("1", ["x", "y", "z"], np.diag(off))
+        out[f"{name}_misalignment"] = entry("rad", across, off[~np.eye(3, dtype=bool)])
     out["odometer_scale"] = entry("1", ["scale"], scale[::every, None], time)
     mount = driven.setup.mount_deg
     out["mounting_deg"] = entry("deg", ["pitch", "heading"], np.array([mount[0], mount[2]]))
@@ -150,17 +185,19 @@ def _vehicle(setup: Setup, heading_deg: float, gnss: bool) -> str:
     """vehicle.toml: nominal values, and the start heading as well as it is known."""
     grade = GRADES[setup.grade]
     lat, lon, height = setup.start
-    column = f'"odo_pulses"\nmetres_per_pulse = {setup.pulse}' if setup.pulse else '"odo_speed"'
+    column = "" if setup.sides else 'column = "odo_speed"\n'
+    if setup.pulse:
+        column = f'column = "odo_pulses"\nmetres_per_pulse = {setup.pulse}\n'
+    sheet = f'grade = "{setup.grade}"\n' if setup.field else ""
     antenna = f"\n[gnss]\nlever_arm = {list(ANTENNA)}\n" if gnss else ""
     return f"""{setup.vehicle}
 [odometer]
-column = {column}
-lever_arm = {list(setup.nominal_lever)}
+{column}lever_arm = {list(setup.nominal_lever)}
 mount_deg = [0.0, 0.0, 0.0]
 
 [imu]
 axes = "RFU"
-gyro_bias_deg_h = {grade.gyro_bias_deg_h}
+{sheet}gyro_bias_deg_h = {grade.gyro_bias_deg_h}
 gyro_noise_deg_sqrt_h = {grade.gyro_noise_deg_sqrt_h}
 accel_bias_mg = {grade.accel_bias_mg}
 accel_noise_mg_sqrt_hz = {grade.accel_noise_mg_sqrt_hz}

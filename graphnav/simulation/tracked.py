@@ -1,15 +1,17 @@
 """Scenario `tracked`: methods A, all motion states of the paper's table 1."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from graphnav.common.errors import InputError
 from graphnav.simulation.drive import Driven, Options, Setup, clock, follow, stream
 from graphnav.simulation.ellipsoid import Array
+from graphnav.simulation.field import TRACKED, Field, without
 from graphnav.simulation.ground import Roughness
 from graphnav.simulation.legs import Commands, Leg, commands, cut, eased
+from graphnav.simulation.slip import slipping
 
 DURATION = 4000.0  # s
 GAUGE, CONTACT, LOW_GEAR = 2.80, 3.84, 1.42  # B m, L m, ratio
@@ -45,16 +47,25 @@ class Ground:
 CONCRETE = Ground(arc=0.8688, separated=1.0, pivot=0.527, large=0.45, kappa=0.10)
 
 
-def drive(options: Options) -> Driven:
+def drive_field(options: Options) -> Driven:
+    """Scenario `field-tracked`: the same vehicle, as the field has it."""
+    return drive(options, without(TRACKED, options.without))
+
+
+def drive(options: Options, field: Field | None = None) -> Driven:
     """One run, noise-free. Raises InputError on an unknown ground."""
     ground = _ground(options)
     legs = cut(_legs(stream(options.seed, "plan")), options.duration or DURATION)
     time = clock(options, options.duration or DURATION)
-    moves = commands(time, legs, SPEED_EASE, YAW_EASE)
+    moves = commands(time, legs, SPEED_EASE, YAW_EASE, field.halt_ease if field else 0.0)
     sideways = -ground.kappa * CONTACT * moves.yaw_rate
     setup = _setup(stream(options.seed, "mounting"), options)
+    if field:
+        grade = options.grade or field.grade
+        setup = replace(setup, grade=grade, rough=field.ground, field=field)
     truth = follow(options, setup, moves, sideways, np.zeros(len(time)))
-    return Driven(setup, moves, truth, _track_speed(moves, ground), _constants(ground))
+    gearbox = slipping(options, setup, moves, _track_speed(moves, ground))
+    return Driven(setup, moves, truth, gearbox, _constants(ground))
 
 
 def _setup(rng: np.random.Generator, options: Options) -> Setup:

@@ -1,14 +1,17 @@
-"""Scenarios `wheeled` (methods B, a truck) and `slip` (methods D, a car that skids and hops)."""
+"""Scenarios `wheeled` (methods B, a truck), `slip` (methods D, a car that skids and hops), and
+`field-wheeled`, a car on real roads."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from graphnav.simulation.drive import Driven, Event, Options, Setup, clock, follow, stream
 from graphnav.simulation.ellipsoid import Array
+from graphnav.simulation.field import WHEELED, without
 from graphnav.simulation.ground import Roughness
 from graphnav.simulation.legs import Commands, Leg, commands, cut
+from graphnav.simulation.slip import slipping
 
 SPEED_EASE, YAW_EASE = 3.0, 0.8  # s
 VEHICLE = '[vehicle]\nkind = "wheeled"\n'
@@ -33,6 +36,7 @@ class Traffic:
 
 TRUCK = Traffic(3848.0, 90.0, 45.0, (6.0, 10.0, 14.0, 17.0, 20.0), 0.08, 2.2, 0.0138)
 CAR = Traffic(1500.0, 60.0, 50.0, (6.0, 8.0, 10.0, 12.0), 0.0, 1.6, 0.0)
+FIELD_CAR = Traffic(900.0, 30.0, 40.0, (5.0, 8.0, 12.0, 16.0), 0.15, 2.0, 0.005)
 
 
 def drive_truck(options: Options) -> Driven:
@@ -56,7 +60,32 @@ def drive_truck(options: Options) -> Driven:
 
 def drive_car(options: Options) -> Driven:
     """Methods D: MEMS IMU, two listed episodes and others of any kind."""
-    setup = Setup(
+    duration = options.duration or CAR.duration
+    known = episodes(stream(options.seed, "episodes"), duration)
+    return _driven(options, _car(options), CAR, known)
+
+
+def drive_field(options: Options) -> Driven:
+    """A car in traffic on uneven roads; the IMU is mounted a little askew."""
+    field = without(WHEELED, options.without)
+    rng = stream(options.seed, "mounting")
+    lever = rng.uniform(0.03, 0.08, 3) * rng.choice([-1.0, 1.0], 3)
+    mount = rng.uniform(0.2, 1.0, 3) * rng.choice([-1.0, 1.0], 3) * [1, 0, 1]
+    setup = replace(
+        _car(options),
+        grade=options.grade or field.grade,
+        nominal_lever=(0.2, -1.2, -0.4),
+        lever_error=(lever[0], lever[1], lever[2]),
+        mount_deg=(mount[0], mount[1], mount[2]),
+        heading_sd_deg=1.0,
+        rough=field.ground,
+        field=field,
+    )
+    return _driven(options, setup, FIELD_CAR, ())
+
+
+def _car(options: Options) -> Setup:
+    return Setup(
         vehicle=VEHICLE,
         grade=options.grade or "mems",
         pulse=0.0,
@@ -67,8 +96,6 @@ def drive_car(options: Options) -> Driven:
         heading_sd_deg=0.3,
         rough=Roughness(0.0108, 0.0070, 0.0, 0.0, pitch_hz=9.0, roll_hz=5.0),
     )
-    duration = options.duration or CAR.duration
-    return _driven(options, setup, CAR, episodes(stream(options.seed, "episodes"), duration))
 
 
 def episodes(rng: np.random.Generator, duration: float) -> tuple[Event, ...]:
@@ -98,11 +125,12 @@ def _driven(options: Options, setup: Setup, traffic: Traffic, events: tuple[Even
     duration = options.duration or traffic.duration
     time = clock(options, duration)
     legs = cut(_legs(stream(options.seed, "plan"), traffic, events), duration)
-    moves = commands(time, legs, SPEED_EASE, YAW_EASE)
+    halt_ease = setup.field.halt_ease if setup.field else 0.0
+    moves = commands(time, legs, SPEED_EASE, YAW_EASE, halt_ease)
     sideways = traffic.tyre * moves.speed * moves.yaw_rate + _burst(time, events, "side_slip")
     truth = follow(options, setup, moves, sideways, _burst(time, events, "hop"))
     odometer, known = _wheel_speed(moves, events)
-    return Driven(setup, moves, truth, odometer, {}, known)
+    return Driven(setup, moves, truth, slipping(options, setup, moves, odometer), {}, known)
 
 
 def _legs(rng: np.random.Generator, traffic: Traffic, events: tuple[Event, ...]) -> Iterator[Leg]:
