@@ -69,7 +69,7 @@ class BodyMotion:
 
 
 @dataclass(frozen=True)
-class Spread:
+class WheelSpread:
     """How far one honest wheel may differ from the rigid body's motion, 1 sigma."""
 
     roll: float = 0.05  # of the speed, along the wheel: slip differs from wheel to wheel
@@ -171,7 +171,7 @@ def body_motion(
     wheel: Array,
     joints: Joints,
     rates: Joints | None = None,
-    spread: Spread | None = None,
+    spread: WheelSpread | None = None,
 ) -> BodyMotion:
     """C2 and C4 in one robust adjustment per sample: a wheel that disagrees loses its say.
 
@@ -183,7 +183,7 @@ def body_motion(
     With joint `rates` the flexing of the linkage is taken off, so that a rocker swinging under a
     straight-driving body is no yaw rate.
     """
-    spread = spread or Spread()
+    spread = spread or WheelSpread()
     missing = ~np.isfinite(wheel)
     v_i = wheel_velocities(linkage, np.where(missing, 0.0, wheel), joints, rates)
     p_i = wheel_positions(linkage, joints)
@@ -210,17 +210,19 @@ def body_motion(
     )
 
 
-def fitted_spread(motion: BodyMotion) -> Spread:
+def fitted_spread(motion: BodyMotion) -> WheelSpread:
     """The spread the wheels of this run show among themselves (MAD of the residuals).
 
     The adjustment takes v_y out of six residuals along, v_x and w_z out of six across.
     """
     moving = motion.speed > 0.01
     if np.count_nonzero(moving) < 100:
-        return Spread()
+        return WheelSpread()
     share = np.abs(motion.residual[moving]) / motion.speed[moving, None, None]
     along, across = 1.4826 * np.nanmedian(share, axis=(0, 1)) * np.sqrt([6 / 5, 6 / 4])
-    return Spread(roll=float(np.clip(along, 0.005, 0.2)), side=float(np.clip(across, 0.003, 0.2)))
+    return WheelSpread(
+        roll=float(np.clip(along, 0.005, 0.2)), side=float(np.clip(across, 0.003, 0.2))
+    )
 
 
 def _median_speed(v_i: Array, missing: NDArray[np.bool_]) -> Array:

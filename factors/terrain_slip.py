@@ -74,7 +74,7 @@ def mismatch(profile: Profile, at: Array, k: Array, arc: Array) -> tuple[Array, 
 
 
 @dataclass(frozen=True)
-class Track:
+class WheelTrack:
     """One side's profile and where along it the mismatch counts."""
 
     side: str
@@ -87,7 +87,7 @@ class Track:
     sigma: Array  # (n,) m
 
 
-def terrain_slip(track: Track, layout: Layout, x: Estimate) -> Block:
+def terrain_slip(track: WheelTrack, layout: Layout, x: Estimate) -> Block:
     """One row per way along a side's track."""
     column = layout.column(SLIP_COEFFICIENT)
     r, dr = mismatch(track.profile, track.at, x.calibration[track.segment, column], track.arc)

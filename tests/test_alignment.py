@@ -13,18 +13,18 @@ from graphnav.common.errors import InputError
 from graphnav.common.run import Array, ExternalHeading, Gnss, Imu, Odometer, Run
 from graphnav.inertial.alignment import Alignment, align
 from graphnav.inertial.increments import increments
-from graphnav.reading.vehicle import Body, GnssSpec, ImuSpec, Start, Vehicle
+from graphnav.reading.vehicle import BodySpec, GnssSpec, ImuSpec, StartSpec, Vehicle
 
 ORIGIN = Origin(np.deg2rad(45.0), np.deg2rad(10.0), 100.0)
-STATED = Start(lat=45.0, lon=10.0, height=100.0, heading_deg=77.0, heading_sd_deg=0.5)
-PLACE = Start(lat=45.0, lon=10.0, height=100.0)
+STATED = StartSpec(lat=45.0, lon=10.0, height=100.0, heading_deg=77.0, heading_sd_deg=0.5)
+PLACE = StartSpec(lat=45.0, lon=10.0, height=100.0)
 RATE = 50.0
 
 
-def vehicle(start: Start = STATED, grade: str = "navigation") -> Vehicle:
+def vehicle(start: StartSpec = STATED, grade: str = "navigation") -> Vehicle:
     """A wheeled vehicle."""
     imu = ImuSpec.model_validate({"grade": grade})
-    return Vehicle(vehicle=Body(kind="wheeled"), imu=imu, gnss=GnssSpec(), start=start)
+    return Vehicle(vehicle=BodySpec(kind="wheeled"), imu=imu, gnss=GnssSpec(), start=start)
 
 
 def resting(roll: float, pitch: float, heading: float, gyro_bias: Array) -> Run:
@@ -97,7 +97,7 @@ def test_a_poor_gyro_does_not_compass() -> None:
 def test_moving_start_takes_the_satellite_course(heading: float, with_odometer: bool) -> None:
     run = moving(heading)
     run = run if with_odometer else replace(run, odometer=None)
-    found = aligned(run, vehicle(Start(), "mems"), 0.0)
+    found = aligned(run, vehicle(StartSpec(), "mems"), 0.0)
     assert found.source == "satellite course"
     roll, pitch, course = degrees(found)
     assert (course - heading + 180) % 360 - 180 == pytest.approx(0, abs=2.0)
@@ -106,14 +106,14 @@ def test_moving_start_takes_the_satellite_course(heading: float, with_odometer: 
 
 def test_a_heading_sensor_is_taken_before_the_course() -> None:
     run = replace(moving(20.0), heading=ExternalHeading(np.array([1.0]), np.deg2rad([33.0])))
-    found = aligned(run, vehicle(Start(), "mems"), 0.0)
+    found = aligned(run, vehicle(StartSpec(), "mems"), 0.0)
     assert found.source == "external heading"
     assert degrees(found)[2] == pytest.approx(33.0, abs=1e-6)
 
 
 def test_the_origin_is_at_the_fixes_or_at_the_stated_start() -> None:
     run = moving(20.0)
-    found = aligned(run, vehicle(Start(), "mems"), 0.0)
+    found = aligned(run, vehicle(StartSpec(), "mems"), 0.0)
     away = found.origin.local(np.float64(ORIGIN.lat), np.float64(ORIGIN.lon), np.float64(100.0))
     assert np.linalg.norm(away) < 100
     stated = aligned(moving(20.0, fixes=False), vehicle(STATED, "mems"), 0.0)
@@ -123,7 +123,7 @@ def test_the_origin_is_at_the_fixes_or_at_the_stated_start() -> None:
 
 def test_no_place_is_said() -> None:
     with pytest.raises(InputError, match=r"\[start\] lat, lon, height and heading_deg"):
-        aligned(moving(20.0, fixes=False), vehicle(Start(), "mems"), 0.0)
+        aligned(moving(20.0, fixes=False), vehicle(StartSpec(), "mems"), 0.0)
 
 
 def test_attitude_is_a_rotation() -> None:

@@ -13,7 +13,7 @@ from runs import shared
 from graphnav.common.errors import InputError
 from graphnav.reading import columns, units
 from graphnav.reading.axes import DIRECTIONS, axes_matrix, axes_name
-from graphnav.reading.vehicle import GRADES, Body, ImuSpec, Odometer, Start
+from graphnav.reading.vehicle import GRADES, BodySpec, ImuSpec, OdometerSpec, StartSpec
 from graphnav.reading.vehicle_file import TABLES, load_vehicle, parse_vehicle
 
 WHEELED = {"vehicle": {"kind": "wheeled"}}
@@ -96,25 +96,25 @@ def test_grades_fill_exactly_the_noise_keys() -> None:
 
 
 def test_deviations_are_wider_when_nothing_is_stated() -> None:
-    stated = Odometer(lever_arm=(0.0, 0.0, 0.0), mount_deg=(0.0, 0.0, 0.0))
-    assert stated.lever_arm_sd < Odometer().lever_arm_sd
-    assert stated.mount_sd_deg < Odometer().mount_sd_deg
-    assert Odometer(lever_arm_sd=0.3).lever_arm_sd == 0.3
+    stated = OdometerSpec(lever_arm=(0.0, 0.0, 0.0), mount_deg=(0.0, 0.0, 0.0))
+    assert stated.lever_arm_sd < OdometerSpec().lever_arm_sd
+    assert stated.mount_sd_deg < OdometerSpec().mount_sd_deg
+    assert OdometerSpec(lever_arm_sd=0.3).lever_arm_sd == 0.3
 
 
 def test_models_are_frozen() -> None:
     with pytest.raises(ValueError, match="frozen"):
-        Body(kind="wheeled").kind = "rover"  # type: ignore[misc]
+        BodySpec(kind="wheeled").kind = "rover"  # type: ignore[misc]
 
 
 def test_mounting_is_told_in_degrees_and_used_in_radians() -> None:
     np.testing.assert_allclose(
-        Odometer(mount_deg=(180.0, 0.0, -90.0)).mount_b, np.pi * np.array([1, 0, -0.5])
+        OdometerSpec(mount_deg=(180.0, 0.0, -90.0)).mount_b, np.pi * np.array([1, 0, -0.5])
     )
 
 
 def test_a_start_without_height_still_is_a_position() -> None:
-    assert Start(lat=1.0, lon=2.0).has_position
+    assert StartSpec(lat=1.0, lon=2.0).has_position
 
 
 @given(st.permutations(["RL", "FB", "UD"]), st.tuples(*[st.integers(0, 1)] * 3))

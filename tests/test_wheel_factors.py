@@ -123,7 +123,7 @@ def test_terrain_slip_jacobian() -> None:
     x = states(rng)
     x.calibration[:, LAYOUT.column("slip_coefficient")] = [0.85, 0.93]
     s = np.arange(0.0, 40.0, 0.02)
-    track = ts.Track(
+    track = ts.WheelTrack(
         side="left",
         profile=ts.Profile(0.02, 0.1 * s**2, -0.05 * s**2, 0.8, 0.5),  # np.gradient is exact on it
         at=np.round(rng.uniform(3, 36, 4), 2),

@@ -23,7 +23,7 @@ INERTIAL = 9  # rows of the inertial factor, an interval's first
 
 
 @dataclass(frozen=True)
-class Rows:
+class IntervalRows:
     """Whitened rows `A_i dx_i + A_j dx_j + A_c dc = b` of W consecutive intervals, one after the
     other; those of the inertial factor first in each.
     """
@@ -39,19 +39,21 @@ class Rows:
         """Of each row, (R,)."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
-    def between(self, first: int, end: int) -> "Rows":
+    def between(self, first: int, end: int) -> "IntervalRows":
         """Those of intervals `first` to `end - 1`."""
         on = slice(int(self.start[first]), int(self.start[end]))
         start = self.start[first : end + 1] - self.start[first]
-        return Rows(self.A[on], self.b[on], start, self.doubt[on], self.robust)
+        return IntervalRows(self.A[on], self.b[on], start, self.doubt[on], self.robust)
 
-    def weighted(self, residual: Array) -> "Rows":
+    def weighted(self, residual: Array) -> "IntervalRows":
         """Robust rows scaled by the root of their weight at whitened residuals (R,)."""
         root = np.ones_like(self.b)
         for k, robust in enumerate(self.robust, start=1):
             on = self.doubt == k
             root[on] = np.sqrt(robust.weight(residual[on]))
-        return Rows(self.A * root[:, None], self.b * root, self.start, self.doubt, self.robust)
+        return IntervalRows(
+            self.A * root[:, None], self.b * root, self.start, self.doubt, self.robust
+        )
 
     def surprise(self, x: Array, P: Array, c: Array) -> Array:
         """Residuals (R,) of a single interval over the sigma expected of them, with node i at `x`
@@ -69,7 +71,7 @@ class Rows:
         )
         return np.asarray((r - by_noise @ r[:INERTIAL]) / np.sqrt(variance))
 
-    def in_base(self, x: Array, c: Array) -> "Rows":
+    def in_base(self, x: Array, c: Array) -> "IntervalRows":
         """Told as error states about the base, linearised at `x` (W + 1, 10) and `c` (W, dim)."""
         A, i = self.A.copy(), self.interval
         Jr = so3.right_jacobian(x[:, ROTATION])
@@ -79,7 +81,7 @@ class Rows:
         there = np.concatenate([x[i], x[i + 1], c[i]], axis=1)
         return replace(self, A=A, b=self.b + np.einsum("rk,rk->r", A, there))
 
-    def in_unit(self, unit_c: Array) -> "Rows":
+    def in_unit(self, unit_c: Array) -> "IntervalRows":
         """Calibration errors told in units (dim,)."""
         A = self.A.copy()
         A[:, CALIBRATION] *= unit_c
@@ -102,7 +104,7 @@ def stacked(
     dim: int,
     robust: Mapping[str, Robust] | None = None,
     begins: bool = True,
-) -> Rows:
+) -> IntervalRows:
     """Rows of all blocks over nodes numbered from 0, with the calibration segment of each interval
     (W,); `dim` is the calibration vector's length.
 
@@ -143,7 +145,7 @@ def stacked(
                 assert np.isin(which, (0, 1)).all(), f"{block.kind}: nodes that are not neighbours"
                 column = which * NODE_DIM
                 A[row[:, :, None], column[:, None, None] + np.arange(NODE_DIM)] = term.jacobian[on]
-    return Rows(A, b, start, doubt, tuple(doubted))
+    return IntervalRows(A, b, start, doubt, tuple(doubted))
 
 
 @cache

@@ -67,7 +67,7 @@ class Section(BaseModel):
         return name in self.model_fields_set
 
 
-class Body(Section):
+class BodySpec(Section):
     """`[vehicle]`: the running gear."""
 
     kind: Kind = key("tracked, wheeled or rover", default=...)
@@ -81,7 +81,7 @@ class Body(Section):
                                  "deg", 34.4)  # fmt: skip
 
 
-class Odometer(Section):
+class OdometerSpec(Section):
     """`[odometer]`: a pulse counter or a speed, and where it measures."""
 
     column: Literal["odo_pulses", "odo_speed"] | None = key("which column; whichever is there")
@@ -160,7 +160,7 @@ class GnssSpec(Section):
         return np.array(self.lever_arm or (0.0, 0.0, 0.0))
 
 
-class Start(Section):
+class StartSpec(Section):
     """`[start]`: where the run began; needed only without GNSS."""
 
     lat: Annotated[Number, Field(ge=-90, le=90)] | None = key("latitude", "deg")
@@ -209,11 +209,11 @@ class Column(Section):
 class Vehicle(Section):
     """A whole vehicle file."""
 
-    body: Body = Field(alias="vehicle")
-    odometer: Odometer = Odometer()
+    body: BodySpec = Field(alias="vehicle")
+    odometer: OdometerSpec = OdometerSpec()
     imu: ImuSpec = ImuSpec()
     gnss: GnssSpec = GnssSpec()
-    start: Start = Start()
+    start: StartSpec = StartSpec()
     rover: RoverSpec = RoverSpec()
     columns: dict[str, Column] = {}
 

@@ -24,7 +24,7 @@ from factors.estimate import Estimate
 from factors.heading import heading
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
-from factors.terrain_slip import Track, terrain_slip
+from factors.terrain_slip import WheelTrack, terrain_slip
 from graphnav.common.angles import rotation_of_angles
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
@@ -147,7 +147,7 @@ def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes, origi
     return Start(R, np.zeros(3), p_n, sds)
 
 
-def build(problem: RoverProblem, at: Estimate, found: list[Track]) -> list[Factor]:
+def build(problem: RoverProblem, at: Estimate, found: list[WheelTrack]) -> list[Factor]:
     """Every factor as a function of the estimate."""
     layout = problem.layout
     factors = [_constraints(problem), _wheels(problem)]

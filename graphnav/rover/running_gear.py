@@ -29,7 +29,7 @@ class Wheels:
     time: Array  # (N,) s
     wheels_b: Array  # (N, 6, 3) m, wheel centres from the IMU
     motion: rb.BodyMotion
-    spread: rb.Spread
+    spread: rb.WheelSpread
     yaw: Array  # (N,) rad, integral of w_z
     path: Array  # (N,) m, way rolled
     ahead: Array  # (N,) m
@@ -67,7 +67,7 @@ def wheels_of(gear: RoverGear, linkage: rb.Linkage, lever_b: Array) -> Wheels:
         rocker=_rate(joints.rocker[:, None], gear.time)[:, 0],
         bogie=_rate(joints.bogie, gear.time),
     )
-    spread = rb.Spread()
+    spread = rb.WheelSpread()
     some = slice(None, None, max(1, len(gear.time) // FIT_SAMPLES))
     for _ in range(3):
         few = (gear.wheel[some], _picked(joints, some), _picked(rates, some))
@@ -79,7 +79,9 @@ def wheels_of(gear: RoverGear, linkage: rb.Linkage, lever_b: Array) -> Wheels:
     return _integrated(gear.time, rb.wheel_positions(linkage, joints) + lever_b, motion, spread)
 
 
-def _integrated(time: Array, wheels_b: Array, motion: rb.BodyMotion, spread: rb.Spread) -> Wheels:
+def _integrated(
+    time: Array, wheels_b: Array, motion: rb.BodyMotion, spread: rb.WheelSpread
+) -> Wheels:
     known = np.isfinite(motion.w_z)
     if np.count_nonzero(known) < 2:
         raise InputError(

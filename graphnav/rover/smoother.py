@@ -10,7 +10,7 @@ from factors import kinds, so3
 from factors.calibration import SLIP_COEFFICIENT, TOE, YAW_SLIP, Component, Layout
 from factors.estimate import Estimate
 from factors.rover_wheels import turns
-from factors.terrain_slip import Track
+from factors.terrain_slip import WheelTrack
 from factors.weights import Robust
 from graphnav.common.angles import rotation_of_angles
 from graphnav.common.run import Run
@@ -44,7 +44,7 @@ class RoverSolution:
     problem: RoverProblem
     solution: Solution
     covariances: Covariances
-    tracks: list[Track]  # sides whose wheels felt one ground
+    tracks: list[WheelTrack]  # sides whose wheels felt one ground
 
     @property
     def estimate(self) -> Estimate:
@@ -66,7 +66,7 @@ def smooth_rover(
     told("wheels")
     problem = prepare(run, vehicle)
     estimate = first_guess(problem)
-    found: list[Track] = []
+    found: list[WheelTrack] = []
     for round_, robust in enumerate((CONVEX, CONVEX, ROBUST), 1):
         told(f"solve, round {round_}")
         factors = build(problem, estimate, found)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from factors import so3
-from factors.terrain_slip import Profile, Track, arc_share, mismatch
+from factors.terrain_slip import Profile, WheelTrack, arc_share, mismatch
 from graphnav.common.run import Array
 from graphnav.graph.densify import Path
 from graphnav.graph.nodes import Nodes
@@ -22,7 +22,7 @@ LIKE_NOISE = 2.5  # neighbouring mismatches share their noise: their sigma is ra
 LEAST = 2e-4  # m
 
 
-def tracks(wheels: Wheels, nodes: Nodes, path: Path, k: Array) -> list[Track]:
+def tracks(wheels: Wheels, nodes: Nodes, path: Path, k: Array) -> list[WheelTrack]:
     """Both sides' profiles with the attitude of `path`; sides that are not coherent
     at the slip coefficients `k` (segments,) are left out."""
     R_nb = path.at(wheels.time)[0]
@@ -31,7 +31,7 @@ def tracks(wheels: Wheels, nodes: Nodes, path: Path, k: Array) -> list[Track]:
     return [t for t in found if t is not None]
 
 
-def _track(wheels: Wheels, nodes: Nodes, up: Array, side: int, k: Array) -> Track | None:
+def _track(wheels: Wheels, nodes: Nodes, up: Array, side: int, k: Array) -> WheelTrack | None:
     """Side 0 left, 1 right; `up` (N, 6) m heights of the wheels over the body origin."""
     p = wheels.wheels_b[:, side::2].mean(axis=0)
     v_y, w_z = wheels.motion.v_b[:, 1], wheels.motion.w_z
@@ -58,7 +58,7 @@ def _track(wheels: Wheels, nodes: Nodes, up: Array, side: int, k: Array) -> Trac
     time = np.interp(at, way, wheels.time)
     interval = np.clip(np.searchsorted(nodes.time, time) - 1, 0, len(nodes.segment) - 1)
     heading = K_GUESS * np.interp(grid, way, wheels.yaw)
-    track = Track(
+    track = WheelTrack(
         side=SIDES[side],
         profile=profile,
         at=at,
@@ -99,7 +99,7 @@ def _gridded(grid: Array, way: Array, height: Array) -> Array:
     return np.asarray(fine[:-1].reshape(len(grid), 5).mean(axis=1))
 
 
-def _weighed(track: Track, k: Array) -> Track | None:
+def _weighed(track: WheelTrack, k: Array) -> WheelTrack | None:
     """Sigma from the mismatch itself, larger beside the rut; None where nothing coheres.
 
     Wheels that share a profile match sharply near the true slip and not at all far from it.

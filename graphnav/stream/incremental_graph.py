@@ -23,7 +23,7 @@ from factors.preintegration import Preintegrated
 from graphnav.common.earth import Origin
 from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import Array
-from graphnav.graph.assembly import Rows, stacked
+from graphnav.graph.assembly import IntervalRows, stacked
 from graphnav.graph.elimination import covariances
 from graphnav.graph.nodes import room_of
 from graphnav.graph.noise import rescaled
@@ -224,7 +224,7 @@ class IncrementalGraph:
         ]
         return list(replace(block, terms=tuple(terms)).jacobian_factors())
 
-    def _rows(self, problem: Problem, at: Estimate, first: int) -> Rows:
+    def _rows(self, problem: Problem, at: Estimate, first: int) -> IntervalRows:
         segment, dim = problem.nodes.segment, self.log.setup.layout.dim
         return stacked(problem.linearise(at), segment, dim, FIRST, begins=first == 0)
 
@@ -250,7 +250,7 @@ class IncrementalGraph:
         gear = {key: scale for key, scale in found.items() if not key.startswith(kinds.GNSS)}
         self.log.scales = {key: max(scale, BOLDEST) for key, scale in gear.items()}
 
-    def _exchange(self, window: Window, rows: Rows) -> None:
+    def _exchange(self, window: Window, rows: IntervalRows) -> None:
         """Put a window's rows, linearised and weighed at its estimate, in the place of the old."""
         first = window.first
         segment = self.log.segment_of(first, first + len(window.x) - 1)
