@@ -104,11 +104,23 @@ def test_moving_start_takes_the_satellite_course(heading: float, with_odometer: 
     assert np.hypot(roll, pitch) < (0.5 if with_odometer else 8.0)
 
 
-def test_a_heading_sensor_is_taken_before_the_course() -> None:
-    run = replace(moving(20.0), heading=ExternalHeading(np.array([1.0]), np.deg2rad([33.0])))
-    found = aligned(run, vehicle(StartSpec(), "mems"), 0.0)
-    assert found.source == "external heading"
-    assert degrees(found)[2] == pytest.approx(33.0, abs=1e-6)
+@pytest.mark.parametrize("off", [0.0, 13.0, 150.0])
+def test_no_source_outvotes_the_path_alone(off: float) -> None:
+    sensed = ExternalHeading(np.array([0.02]), np.deg2rad([20.0 + off]))
+    stated = StartSpec(heading_deg=20.0 + off, heading_sd_deg=0.1)
+    for run, start, source in (
+        (replace(moving(20.0), heading=sensed), StartSpec(), "external heading"),
+        (moving(20.0), stated, "stated in [start]"),
+    ):
+        found = aligned(run, vehicle(start, "mems"), 0.0)
+        assert abs(degrees(found)[2] - 20.0) < 1.0
+        assert found.source == (source if off == 0 else "satellite course")
+        assert len(found.told) == (off > 0)
+        for line in found.told:
+            said = float(
+                line.why.removeprefix(f"the heading {source} is wrong by ").split(" deg")[0]
+            )
+            assert said == pytest.approx(off, abs=1.0)
 
 
 def test_the_origin_is_at_the_fixes_or_at_the_stated_start() -> None:

@@ -48,6 +48,7 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
             "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
         },
         verdicts=verdicts(found),
+        remarks=prep.setup.alignment.told,
         gaps=_gaps(smoothed),
     )
 

@@ -16,6 +16,7 @@ def judge(solved: Solved, columns: dict[str, Array]) -> Quality:
 
 def _doubts(solved: Solved, columns: dict[str, Array]) -> list[Doubt]:
     return [
+        *(Doubt(remark.level, remark.why, remark.remedy) for remark in solved.remarks),
         *doubts.of_start(solved),
         *doubts.of_calibrations(solved.calibrated),
         *(Doubt(1, said) for said in _driving(solved)),

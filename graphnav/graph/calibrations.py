@@ -27,6 +27,7 @@ DEG_H = np.deg2rad(1) / 3600  # rad/s
 DEG_SQRT_H = np.deg2rad(1) / 60  # rad/sqrt(s)
 MG = 1e-3 * G_STANDARD  # m/s^2
 
+SURPRISING = 3.0  # sigma of its prior, beyond which a bias found overrules it
 BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hour
 CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
 REFERENCE = ("straight_high", "moving")
@@ -36,16 +37,21 @@ SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
 
 
 def layout(
-    vehicle: Vehicle, table: dict[str, Correction], gnss: Gnss | None, two_sided: bool = False
+    vehicle: Vehicle,
+    table: dict[str, Correction],
+    gnss: Gnss | None,
+    two_sided: bool = False,
+    gyro_bias: Array | None = None,
 ) -> Layout:
     """The calibration vector: biases, scale, mounting, lever arm, delay, and the ground by state.
 
-    With fixes in use also the antenna's lever arm and their common offset.
+    With fixes in use also the antenna's lever arm and their common offset. A `gyro_bias` (3,) rad/s
+    that the alignment has found far outside its prior widens it.
     """
     odometer = vehicle.odometer
     mount_sd = np.deg2rad(odometer.mount_sd_deg)
     components = [
-        *bias_components(vehicle),
+        *bias_components(vehicle, gyro_bias),
         Component(SCALE, np.zeros(1), _one(odometer.scale_sd), SCALE_WALK),
         Component(MOUNTING, odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
         Component(LEVER, odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
@@ -72,11 +78,17 @@ def layout(
     return Layout((*components, *gnss_components(vehicle, gnss)))
 
 
-def bias_components(vehicle: Vehicle) -> tuple[Component, Component]:
-    """Gyro and accelerometer bias, as large as the sensors' grade says."""
+def bias_components(
+    vehicle: Vehicle, gyro_bias: Array | None = None
+) -> tuple[Component, Component]:
+    """Gyro and accelerometer bias, as large as the sensors' grade says, or as a `gyro_bias` (3,)
+    rad/s found far beyond it.
+    """
     gyro, accel = vehicle.imu.gyro_bias_deg_h * DEG_H, vehicle.imu.accel_bias_mg * MG
+    seen = np.zeros(3) if gyro_bias is None else np.abs(gyro_bias)
+    gyro_sd = np.where(seen > SURPRISING * gyro, seen, gyro)
     return (
-        Component(GYRO_BIAS, np.zeros(3), np.full(3, gyro), BIAS_DRIFT * gyro),
+        Component(GYRO_BIAS, np.zeros(3), gyro_sd, BIAS_DRIFT * gyro),
         Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
     )
 

@@ -107,7 +107,7 @@ def prepare(
     table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
     noise = inertial_noise(vehicle)
     fixes = fixes_in(alignment.origin, gnss)
-    layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle))
+    layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle), alignment.gyro_bias)
     rock = rocking(inc, rests, noise.gyro)
     setup = Setup(vehicle, noise, alignment, table, layout, two_sided(run, vehicle), interval)
     return Prepared(setup, Sensed(used, inc, still, rests, fixes, rock))

@@ -12,19 +12,39 @@ from factors import so3
 from factors.preintegration import Increments
 from factors.start import Start
 from graphnav.common import earth
-from graphnav.common.angles import rotation_of_angles
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
-from graphnav.common.run import Array, Gnss, Odometer, Run
+from graphnav.common.remark import Remark
+from graphnav.common.run import Array, Gnss, Run
+from graphnav.inertial.angle_line import angle_line
+from graphnav.inertial.heading_evidence import Evidence, Weighed, weigh
+from graphnav.inertial.levelling import levelled, mean_rate, tilting_bias
 from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.path_heading import STEP_S, PathHeading, Reckoned, path_heading, usual_speed
 from graphnav.reading.vehicle import Vehicle
 
 LOOSE_TILT, LOOSE_HEADING = np.deg2rad(5.0), np.deg2rad(30.0)
 LOOSE_SPEED, LOOSE_POSITION = 30.0, 300.0  # m/s, m
-LEVELLING_S = 20.0
 COMPASS_SD = np.deg2rad(5.0)  # a gyrocompass worse than this is not used
+SENSED_SD = np.deg2rad(1.0)  # of a sample of the heading sensor
+SENSED_S = 600.0  # of the run over which the gyro carries the sensed headings to the start
 LATE_FIX_S = 30.0  # a first fix later than this leaves the start to what is stated
-TRAVEL_M = 60.0  # displacement that makes a course
+LEAST_BIAS = np.deg2rad(20.0) / 3600  # rad/s, a driving gyro may be off by at least
+SIGNIFICANT = 3.0  # sigma of a rate that is taken for bias
+NEAR = np.deg2rad(10.0)  # a stated heading further from the agreed one begins no iteration
+WORST_SD = np.deg2rad(40.0)  # a heading known worse is not known
+# chance of being grossly wrong: people turn the sign or mean another axis; sensors sit askew; a
+# path of many slots is what all sensors say together
+STATED_GROSS, SENSED_GROSS, COMPASS_GROSS, PATH_GROSS = 0.02, 0.02, 1e-3, 1e-6
+STATED, SENSED, COMPASS, PATH = (
+    "stated in [start]", "external heading", "gyrocompass", "satellite course",
+)  # fmt: skip
+CURES = {
+    STATED: "correct or leave out [start] heading_deg",
+    SENSED: "check what the heading sensor's zero points to, or leave its column out",
+    COMPASS: "state the gyros' true [imu] grade or gyro_bias_deg_h",
+    PATH: "check the fixes, and the direction of the odometer",
+}
 
 
 @dataclass(frozen=True)
@@ -35,6 +55,9 @@ class Alignment:
     start: Start  # prior of the first node
     gyro_bias: Array  # (3,) rad/s, first guess
     source: str  # where the heading comes from, in words
+    heading_sd: float = LOOSE_HEADING  # rad, of the evidence together
+    path: PathHeading | None = None  # the reckoned path held against the fixes
+    told: tuple[Remark, ...] = ()  # evidence that was outvoted
 
 
 def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Alignment:
@@ -44,18 +67,173 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     """
     origin = frame_origin(run, vehicle)
     standing = still_until > 0
-    R_level = _levelled(run, inc, still_until)
-    rate = _mean_rate(inc, still_until) if standing else np.zeros(3)
-    heading, sd, source = _heading(run, vehicle, inc, R_level, rate, origin)
-    R_nb = _turned(R_level, heading)
-    bias = rate - R_nb.T @ origin.Omega_n if standing else np.zeros(3)
-    limit = 3 * np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600
+    bias_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600
+    rate = mean_rate(inc, still_until) if standing else np.zeros(3)
+    speed = _speed(run, origin, inc.edge)
+    bias = rate if standing else tilting_bias(inc, speed, bias_sd)
+    R_level = levelled(inc, speed, still_until, bias)
+    known_sd = _bias_sd(vehicle, still_until - inc.edge[0]) if standing else bias_sd
+    turning = Turning(inc, R_level[2], bias, max(known_sd, LEAST_BIAS))
+    path = _path(run, turning, origin)
+    pieces = _evidence(run, vehicle, turning, path, R_level @ rate, origin)
+    if not pieces:
+        raise InputError(_unknown(run))
+    found = weigh(pieces)
+    if found.sd > WORST_SD:
+        raise InputError(_unknown(run))
+    if path is not None and abs(path.rate) > SIGNIFICANT * path.rate_sd:
+        bias = bias + path.rate * R_level[2]
+    heading, sd, source = _prior(found)
+    R_nb = so3.exp(np.array([0.0, 0.0, -heading])) @ R_level
+    bias = bias - R_nb.T @ origin.Omega_n if standing else bias
     p_0, p_sd = first_position(run, vehicle, origin, float(inc.edge[0]))
-    v_sd = LOOSE_SPEED
-    tilt = LOOSE_TILT
-    start = Start(R_nb, np.zeros(3), p_0, np.repeat([tilt, v_sd, p_sd], 3))
+    start = Start(R_nb, np.zeros(3), p_0, np.repeat([LOOSE_TILT, LOOSE_SPEED, p_sd], 3))
     start.sd[2] = sd
-    return Alignment(origin, start, np.clip(bias, -limit, limit), source)
+    told = (*_told(found), *_biased(bias, bias_sd))
+    return Alignment(origin, start, bias, source, found.sd, path, told)
+
+
+@dataclass(frozen=True)
+class Turning:
+    """The gyro about the vertical of the start."""
+
+    inc: Increments
+    up_b: Array  # (3,) the vertical in the body at the start
+    bias: Array  # (3,) rad/s, taken off
+    bias_sd: float  # rad/s, of what is left
+
+    @property
+    def angle(self) -> Array:
+        """Turned to the left since the start at every edge, (M + 1,) rad."""
+        dt = np.diff(self.inc.edge)[:, None]
+        turn = (self.inc.rotation - self.bias * dt) @ self.up_b
+        return np.concatenate([[0.0], np.cumsum(turn)])
+
+
+def _bias_sd(vehicle: Vehicle, rested: float) -> float:
+    """What the gyro's noise leaves unknown of its bias after a rest of some seconds, rad/s."""
+    noise = np.deg2rad(vehicle.imu.gyro_noise_deg_sqrt_h) / 60
+    return float(noise / np.sqrt(max(rested, 1.0)))
+
+
+def _path(run: Run, turning: Turning, origin: Origin) -> PathHeading | None:
+    """The path reckoned with the odometer, or at the fixes' own pace, held against the fixes."""
+    gnss = run.gnss
+    if gnss is None or len(gnss.time) < 2:
+        return None
+    fixes = _fixes(gnss, origin)
+    edge = turning.inc.edge
+    time = np.arange(edge[0], edge[-1], STEP_S)
+    sd = np.max(gnss.sd_enu[:, :2], axis=1)
+    speed = _speed(run, origin, time)
+    assert speed is not None
+    reckoned = Reckoned(time, speed, np.interp(time, edge, turning.angle))
+    return path_heading(reckoned, fixes, gnss.time, sd, turning.bias_sd)
+
+
+def _speed(run: Run, origin: Origin, at: Array) -> Array | None:
+    """Speed by the odometer or, without one, by the fixes, at times `at` (n,) s, m/s."""
+    if run.odometer is not None:
+        return speed_at(run.odometer, at, 0.25)
+    if run.gnss is None or len(run.gnss.time) < 2:
+        return None
+    sd = np.max(run.gnss.sd_enu[:, :2], axis=1)
+    return usual_speed(_fixes(run.gnss, origin), run.gnss.time, sd, at)
+
+
+def _fixes(gnss: Gnss, origin: Origin) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]]:
+    """East + i north of the fixes, (F,) m."""
+    p_n = origin.local(np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height)
+    return np.asarray(p_n[:, 0] + 1j * p_n[:, 1])
+
+
+def _evidence(
+    run: Run,
+    vehicle: Vehicle,
+    turning: Turning,
+    path: PathHeading | None,
+    rate_level: Array,
+    origin: Origin,
+) -> list[Evidence]:
+    """Every source's heading of the IMU's forward axis at the start."""
+    mounted, mount_sd = vehicle.odometer.mount_b[2], np.deg2rad(vehicle.odometer.mount_sd_deg)
+    stated, found = vehicle.start, []
+    if stated.heading_deg is not None:
+        heading, sd = np.deg2rad([stated.heading_deg, stated.heading_sd_deg])
+        found.append(Evidence(float(heading), float(sd), STATED, STATED_GROSS))
+    if run.heading is not None:
+        found.append(_sensed(run, turning, path))
+    if path is not None:
+        sd = float(np.hypot(path.sd, mount_sd))
+        gross = max(PATH_GROSS, float(np.exp(-len(path.time))))
+        found.append(Evidence(path.heading + float(mounted), sd, PATH, gross))
+    # a rate that the Earth's rotation makes: its horizontal part points north
+    compass_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600 / (earth.RATE * np.cos(origin.lat))
+    if np.any(rate_level) and compass_sd < COMPASS_SD:
+        north = float(np.arctan2(-rate_level[0], rate_level[1]))
+        found.append(Evidence(north, float(compass_sd), COMPASS, COMPASS_GROSS))
+    return found
+
+
+def _sensed(run: Run, turning: Turning, path: PathHeading | None) -> Evidence:
+    """All headings of the sensor, carried to the start by the gyro."""
+    assert run.heading is not None
+    time = run.heading.time - turning.inc.edge[0]
+    rate = path.rate if path is not None else 0.0
+    on = time <= time[0] + SENSED_S
+    carried = np.interp(run.heading.time, turning.inc.edge, turning.angle) - rate * time
+    phasor = np.exp(1j * (run.heading.heading + carried))[on]
+    weight = np.full(int(on.sum()), SENSED_SD**-2.0)
+    line = angle_line(phasor, time[on], weight, turning.bias_sd)
+    # samples share what the sensor's mounting is off by
+    return Evidence(line.angle, float(np.hypot(line.sd, SENSED_SD)), SENSED, SENSED_GROSS)
+
+
+def _prior(found: Weighed) -> tuple[float, float, str]:
+    """Heading, sigma and source of the first node's prior: what is stated, where it agrees.
+
+    The other sources act through factors of their own, so their heading begins the iteration only.
+    """
+    for piece in found.agreeing:
+        if piece.source == STATED and abs(piece.apart(found.heading)) < NEAR:
+            return piece.heading, piece.sd, STATED
+    return found.heading, float(LOOSE_HEADING), found.agreeing[0].source
+
+
+def _told(found: Weighed) -> tuple[Remark, ...]:
+    """Evidence that was outvoted, each piece with its cure."""
+    best = found.agreeing[0].source
+    return tuple(
+        Remark(
+            f"the heading {piece.source} is wrong by "
+            f"{abs(np.rad2deg(piece.apart(found.heading))):.1f} deg: it says "
+            f"{np.rad2deg(piece.heading) % 360:.1f} deg at the start, the {best} "
+            f"{np.rad2deg(found.heading) % 360:.1f} +- {np.rad2deg(found.sd):.1f}, which is used",
+            CURES[piece.source],
+        )
+        for piece in found.outvoted
+    )
+
+
+def _biased(bias: Array, bias_sd: float) -> tuple[Remark, ...]:
+    """A gyro bias that the vehicle file does not allow for."""
+    size = float(np.abs(bias).max())
+    if size < SIGNIFICANT * bias_sd:
+        return ()
+    deg_h = np.rad2deg(size) * 3600
+    return (
+        Remark(
+            f"a gyro is off by {deg_h:.3g} deg/h, {size / bias_sd:.0f} of its sigma: followed",
+            f"state [imu] gyro_bias_deg_h = {deg_h:.2g} if that is usual",
+        ),
+    )
+
+
+def _unknown(run: Run) -> str:
+    return (
+        f"{run.path}: the heading at the start is unknown (no fixes that move, no heading sensor, "
+        "gyro or standstill not good enough to gyrocompass): give [start] heading_deg"
+    )
 
 
 def frame_origin(run: Run, vehicle: Vehicle) -> Origin:
@@ -91,101 +269,3 @@ def first_position(run: Run, vehicle: Vehicle, origin: Origin, begin: float) -> 
         np.deg2rad(gnss.lat_deg[0]), np.deg2rad(gnss.lon_deg[0]), np.asarray(gnss.height[0])
     )
     return first, LOOSE_POSITION + LOOSE_SPEED * max(wait, 0.0)
-
-
-def _mean_rate(inc: Increments, until: float) -> Array:
-    """Mean angular rate of the standing start, (3,) rad/s."""
-    on = inc.edge[1:] <= until + 1e-9
-    return np.asarray(inc.rotation[on].sum(0) / np.diff(inc.edge)[on].sum())
-
-
-def _levelled(run: Run, inc: Increments, still_until: float) -> Array:
-    """Attitude with heading zero from the mean specific force at the start, (3, 3).
-
-    On the move the force is turned back to the start with the gyro, and what the odometer says of
-    forward and centripetal acceleration is taken off.
-    """
-    until = still_until if still_until > 0 else inc.edge[0] + LEVELLING_S
-    on = np.flatnonzero(inc.edge[1:] <= until + 1e-9)
-    dt = np.diff(inc.edge)[on]
-    force = inc.velocity[on] / dt[:, None]
-    if still_until <= 0:
-        if run.odometer is not None:
-            speed = speed_at(run.odometer, inc.edge[: len(on) + 1], 0.25)
-            force[:, 1] -= np.diff(speed) / dt
-            force[:, 0] += speed[1:] * inc.rotation[on, 2] / dt
-        R = np.eye(3)
-        for k, step in enumerate(so3.exp(inc.rotation[on])):
-            force[k] = R @ force[k]
-            R = R @ step
-    up = (force * dt[:, None]).sum(0)
-    up /= np.linalg.norm(up)
-    pitch, roll = np.arcsin(np.clip(up[1], -1, 1)), np.arctan2(-up[0], up[2])
-    return rotation_of_angles(roll, pitch, 0.0)
-
-
-def _turned(R_level: Array, heading: float) -> Array:
-    """Turn a levelled attitude to a heading."""
-    return so3.exp(np.array([0.0, 0.0, -heading])) @ R_level
-
-
-def _heading(
-    run: Run, vehicle: Vehicle, inc: Increments, R_level: Array, rate: Array, origin: Origin
-) -> tuple[float, float, str]:
-    """Heading [rad], prior sigma and source: stated, sensed, satellite course or Earth rate."""
-    stated = vehicle.start
-    if stated.heading_deg is not None:
-        sd = np.deg2rad(stated.heading_sd_deg)
-        return np.deg2rad(stated.heading_deg), float(sd), "stated in [start]"
-    sensed = run.heading
-    if sensed is not None and sensed.time[0] < inc.edge[0] + LEVELLING_S:
-        return float(sensed.heading[0]), float(LOOSE_HEADING), "external heading"
-    if run.gnss is not None:
-        course = _course(inc, R_level, run.gnss, run.odometer, rate, origin)
-        if course is not None:
-            return course, float(LOOSE_HEADING), "satellite course"
-    level = R_level @ rate
-    compass_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600 / (earth.RATE * np.cos(origin.lat))
-    if np.any(rate) and compass_sd < COMPASS_SD:
-        return float(np.arctan2(-level[0], level[1])), float(LOOSE_HEADING), "gyrocompass"
-    raise InputError(
-        f"{run.path}: the heading at the start is unknown (no GNSS course, no heading sensor, gyro "
-        "or standstill not good enough to gyrocompass): give [start] heading_deg"
-    )
-
-
-def _course(
-    inc: Increments,
-    R_level: Array,
-    gnss: Gnss,
-    odometer: Odometer | None,
-    rate: Array,
-    origin: Origin,
-) -> float | None:
-    """Heading that lays the dead-reckoned path on the fixes, or None when they hardly move.
-
-    The path runs at the odometer's speed (without one, at the speed of the fixes) along the
-    gyro-integrated heading; one complex ratio turns it on to the fixes.
-    """
-    fixes = origin.local(np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height)[:, :2]
-    far = np.flatnonzero(np.hypot(*(fixes - fixes[0]).T) > TRAVEL_M)
-    if not len(far):
-        return None
-    until = gnss.time[min(far[0] + 5, len(fixes) - 1)]
-    on = inc.edge[1:] <= until
-    dt = np.diff(inc.edge)[on]
-    turn = (inc.rotation[on] - rate * dt[:, None]) @ R_level[2]  # about the vertical, left positive
-    angle = np.concatenate([[0.0], np.cumsum(turn)])
-    edge = inc.edge[: len(angle)]
-    if odometer is not None:
-        speed = speed_at(odometer, edge, 0.25)
-    else:
-        pace = np.hypot(*np.gradient(fixes, gnss.time, axis=0).T)
-        speed = np.interp(edge, gnss.time, pace)
-    velocity = speed * np.exp(1j * angle) * 1j  # heading zero is north: +i
-    path = np.concatenate([[0], np.cumsum(0.5 * (velocity[1:] + velocity[:-1]) * dt)])
-    near = (gnss.time >= edge[0]) & (gnss.time <= edge[-1])
-    reckoned = np.interp(gnss.time[near], edge, path)
-    seen = fixes[near, 0] + 1j * fixes[near, 1]
-    ratio = np.vdot(reckoned - reckoned.mean(), seen - seen.mean())
-    return float(-np.angle(ratio)) if abs(ratio) > 0 else None

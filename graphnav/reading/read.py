@@ -27,6 +27,7 @@ from graphnav.reading.vehicle import Vehicle
 
 Array = NDArray[np.float64]
 FASTEST = 150.0  # m/s: a counter that implies more has wrapped or was reset
+FULL_TURN_DEG = 360.0  # receivers write figures beyond it while they have no heading
 CARRIED_S = 0.2  # a fix repeated sooner is no new one
 
 
@@ -226,7 +227,16 @@ def _heading(reader: _Reader) -> ExternalHeading | None:
     if not reader.samples.has(("heading_deg",)):
         return None
     rows, values = reader.samples.group(("heading_deg",), "the external heading")
-    return ExternalHeading(reader.time(rows), np.deg2rad(values[:, 0])) if len(rows) else None
+    heading = values[:, 0]
+    blank = np.abs(heading) > FULL_TURN_DEG
+    if blank.any():
+        first = reader.samples.clock[rows[blank.argmax()]]
+        reader.notes.append(
+            f"{int(blank.sum())} cells of heading_deg are no heading, first "
+            f"{heading[blank.argmax()]:g} at {first:.3f}: read as blank"
+        )
+        rows, heading = rows[~blank], heading[~blank]
+    return ExternalHeading(reader.time(rows), np.deg2rad(heading)) if len(rows) else None
 
 
 def _rover(reader: _Reader) -> RoverGear | None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from factors.block import Block
 from graphnav.common.earth import Origin
+from graphnav.common.remark import Remark
 from graphnav.common.run import Array, Run
 from graphnav.graph.densify import Path
 from graphnav.reading.vehicle import Vehicle
@@ -65,6 +66,7 @@ class Solved:
     rests: Array  # (K, 2) s, spans of standstill
     solver: dict[str, Any]  # for summary.json
     verdicts: list[str]
+    remarks: tuple[Remark, ...] = ()  # found before the solution
     gaps: Array | None = None  # (G, 4) of the IMU: start, end, s; turn [rad] and speed [m/s] lost
     wheel_events: tuple[Event, ...] = ()  # of single wheels of a rover
     causal: dict[str, Array] | None = None  # columns of trajectory_causal.parquet

@@ -14,7 +14,8 @@ from graphnav.graph.preparation import (
     standing_start,
     two_sided,
 )
-from graphnav.inertial.alignment import LEVELLING_S, Alignment, align
+from graphnav.inertial.alignment import Alignment, align
+from graphnav.inertial.levelling import LEVELLING_S
 from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.corrections import Correction, correction_table
 from graphnav.stream.aiding import Aiding, usual_fix
@@ -107,6 +108,6 @@ class Initialisation:
         table = self._table or correction_table(params(vehicle, both))
         if gnss is None and self._expects_fixes:
             gnss = usual_fix(vehicle.gnss.sd)
-        layout = calibrations.layout(vehicle, table, gnss, both)
+        layout = calibrations.layout(vehicle, table, gnss, both, alignment.gyro_bias)
         noise = inertial_noise(vehicle)
         return Setup(vehicle, noise, alignment, table, layout, both, self._interval)
