@@ -5,132 +5,149 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from graphnav.common.errors import InputError
 from graphnav.common.progress import Stages
 from graphnav.common.run import Run
 from graphnav.reading.check import check
-from graphnav.reading.outages import Outages
-from graphnav.reading.outages import told as outages_told
+from graphnav.reading.outages import Outages, described
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle import Vehicle
 from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.result import tables, trajectory
 from graphnav.result.quality import Quality
-from graphnav.result.solved import Calibrated, Solved
+from graphnav.result.solved import Solved
+from graphnav.result.summary import Judged, calibration, summary, write_json
 from graphnav.result.writing import whole_directory
 from graphnav.views.views import Views
 
 if TYPE_CHECKING:
     from pandas import DataFrame
 
+    from graphnav.graph.preparation import Prepared
+
 COMPARED_HZ = 10.0  # truth is compared at this rate at least, whatever is written
 
 
+@dataclass(frozen=True)
+class SmoothOptions:
+    """How a run is to be smoothed and what is to be written; interface.md says more of each."""
+
+    vehicle_path: Path | None = None
+    truth: Path | None = None
+    mode: str = "batch"
+    lag: float | None = None  # s kept open behind the newest node of an incremental solution
+    rate_hz: float = 10.0  # rows of the trajectory
+    nodes_hz: float = 1.0
+    use_gnss: bool = True
+    outages: Outages = ()
+    csv: bool = False
+    rrd: bool = True
+    report: bool = False
+
+    @property
+    def views(self) -> list[str]:
+        """The views to make."""
+        return [kind for kind, on in (("recording", self.rrd), ("report", self.report)) if on]
+
+
+DEFAULT = SmoothOptions()
+
+
 def smooth(
-    run_path: Path,
-    *,
-    vehicle_path: Path | None = None,
-    out: Path,
-    mode: str = "batch",
-    truth: Path | None = None,
-    rate_hz: float = 10.0,
-    nodes_hz: float = 1.0,
-    rrd: bool = True,
-    report: bool = False,
-    outages: Outages = (),
-    use_gnss: bool = True,
-    csv: bool = False,
-    lag: float | None = None,
-    progress: Stages | None = None,
+    run_path: Path, out: Path, options: SmoothOptions = DEFAULT, progress: Stages | None = None
 ) -> Quality:
-    """Smooth one run and write its result directory; see interface.md for every option.
+    """Smooth one run and write its result directory.
 
     What is returned says how far the result can be relied on; a rejected one is written too.
 
     Raises `InputError` when the input or the options are at fault, `SolutionError` when the sensors
     leave the solution undetermined.
     """
-    told = progress or Stages(show=False)
-    told("reading")
-    vehicle = load_vehicle(vehicle_path, run_path)
+    progress = progress or Stages(show=False)
+    progress("reading")
+    vehicle = load_vehicle(options.vehicle_path, run_path)
     run = read_run(run_path, vehicle)
-    reference = _truth(truth)
-    findings = check(run, vehicle, use_gnss) + outages_told(run, outages)
-    kinds = [kind for kind, on in (("recording", rrd), ("report", report)) if on]
-    with Views(kinds) as views:
-        solved = solve(run, vehicle, use_gnss, outages, rate_hz, told, mode, lag, nodes_hz)
-        told("trajectory")
-        columns = trajectory.table(solved, rate_hz)
-        dense = columns if rate_hz >= COMPARED_HZ else trajectory.table(solved, COMPARED_HZ)
-        quality = judge(solved, dense, told)
+    reference = _truth(options.truth)
+    findings = check(run, vehicle, options.use_gnss) + described(run, options.outages)
+    with Views(options.views) as views:
+        solved = solve(run, vehicle, options, progress)
+        progress("trajectory")
+        columns = trajectory.table(solved, options.rate_hz)
+        dense = columns
+        if options.rate_hz < COMPARED_HZ:
+            dense = trajectory.table(solved, COMPARED_HZ)
+        quality = judge(solved, dense, progress)
         with whole_directory(out) as directory:
-            told("writing")
-            judged = Judged(solved, quality, findings)
-            write(judged, columns, dense, reference, csv, directory, told)
-            views.make(directory, told)
-            told.done()
-            _update_stages(directory, told)
+            progress("writing")
+            judged = Judged(solved, quality, findings, said_of(solved))
+            write(judged, columns, dense, reference, options.csv, directory, progress)
+            views.make(directory, progress)
+            progress.done()
+            _update_stages(directory, progress)
     return quality
 
 
-@dataclass(frozen=True)
-class Judged:
-    """A solved run with all that is said about it."""
-
-    solved: Solved
-    quality: Quality
-    findings: list[str]  # about what was read
-
-
-def judge(solved: Solved, columns: dict[str, Any], told: Stages) -> Quality:
+def judge(solved: Solved, columns: dict[str, Any], progress: Stages) -> Quality:
     """The result's grade; `columns` of its trajectory."""
     from graphnav.batch import judgement
 
-    told("judging")
+    progress("judging")
     return judgement.judge(solved, columns)
 
 
+def said_of(solved: Solved) -> list[str]:
+    """What a reader of the result should know, in sentences."""
+    from graphnav.batch import doubts
+
+    return [*solved.verdicts, *doubts.where(solved)]
+
+
 def solve(
-    run: Run,
-    vehicle: Vehicle,
-    use_gnss: bool,
-    outages: Outages,
-    rate_hz: float,
-    told: Stages,
-    mode: str = "batch",
-    lag: float | None = None,
-    nodes_hz: float = 1.0,
+    run: Run, vehicle: Vehicle, options: SmoothOptions = DEFAULT, progress: Stages | None = None
 ) -> Solved:
     """The solver for this kind of vehicle and these sensors."""
-    if lag is not None and mode != "incremental":
+    progress = progress or Stages(show=False)
+    use_gnss, outages = options.use_gnss, options.outages
+    if options.lag is not None and options.mode != "incremental":
         raise InputError("--lag is for --mode incremental: give both or neither")
     if vehicle.kind == "rover" and run.rover is not None:
-        if mode == "incremental":
+        if options.mode == "incremental":
             raise InputError(f"{run.path}: rovers are smoothed in batch only: leave out --mode")
         from graphnav.rover.result import solve_rover
 
-        return solve_rover(run, vehicle, use_gnss=use_gnss, outages=outages, told=told)
+        return solve_rover(run, vehicle, use_gnss=use_gnss, outages=outages, progress=progress)
     from graphnav.batch.finish import finish
-    from graphnav.batch.smoother import smooth as smooth_prepared
+    from graphnav.batch.smoother import smooth_batch
     from graphnav.graph.preparation import prepare
 
-    told("preparing")
+    progress("preparing")
     prep = prepare(
-        run, vehicle, use_gnss=use_gnss, outages=outages, rate_hz=rate_hz, interval=1 / nodes_hz
+        run,
+        vehicle,
+        use_gnss=use_gnss,
+        outages=outages,
+        rate_hz=options.rate_hz,
+        interval=1 / options.nodes_hz,
     )
-    if mode == "incremental":
-        from graphnav.stream import replay as incremental
+    if options.mode == "incremental":
+        return _solve_incremental(run, prep, options.lag, progress)
+    return finish(smooth_batch(prep, progress), run)
 
-        replay = incremental.smooth(prep, lag, told)
-        told.beside(replay.peak_memory_mb, since="dead reckoning")
-        solved = finish(replay.smoothed, run)
-        known = incremental.causal(replay, prep)
-        said = solved.verdicts + incremental.verdicts(replay)
-        solver = solved.solver | replay.solver
-        return replace(solved, solver=solver, causal=known, verdicts=said)
-    return finish(smooth_prepared(prep, told), run)
+
+def _solve_incremental(run: Run, prep: "Prepared", lag: float | None, progress: Stages) -> Solved:
+    """The batch solution with what a stream knew of it."""
+    from graphnav.batch.finish import finish
+    from graphnav.stream import replay
+
+    replayed = replay.smooth_incremental(prep, lag, progress)
+    progress.beside(replayed.peak_memory_mb, since="dead reckoning")
+    solved = finish(replayed.smoothed, run)
+    return replace(
+        solved,
+        solver=solved.solver | replayed.solver,
+        causal=replay.causal(replayed, prep),
+        verdicts=solved.verdicts + replay.verdicts(replayed),
+    )
 
 
 def write(
@@ -140,7 +157,7 @@ def write(
     reference: "DataFrame | None",
     csv: bool,
     directory: Path,
-    told: Stages,
+    progress: Stages,
 ) -> None:
     """Every file of the result directory but the views made from them.
 
@@ -172,110 +189,21 @@ def write(
     if reference is not None:
         from graphnav.result.compare import compare
 
-        told("comparing")
+        progress("comparing")
         comparison = compare(pd.DataFrame(comparable), reference).as_dict()
-    _write_json(directory / "calibration.json", calibration(solved))
+    write_json(directory / "calibration.json", calibration(solved))
     said = summary(judged, table, len(slips), comparison)
-    _write_json(directory / "summary.json", said)
+    write_json(directory / "summary.json", said)
 
 
-def calibration(solved: Solved) -> dict[str, Any]:
-    """calibration.json."""
-    return {c.name: _told(c, solved.run.clock_start) for c in solved.calibrated}
-
-
-def _told(c: Calibrated, clock: float) -> dict[str, Any]:
-    return {
-        "unit": c.unit,
-        "components": list(c.components),
-        "constant": c.constant,
-        "time": np.round(c.time + clock, 3).tolist(),
-        "value": c.value.tolist(),
-        "sd": c.sd.tolist(),
-        "prior": c.prior.tolist(),
-        "prior_sd": c.prior_sd.tolist(),
-        "observable": c.observable,
-    }
-
-
-def summary(
-    judged: Judged,
-    table: "DataFrame",
-    slips: int,
-    comparison: dict[str, Any] | None,
-) -> dict[str, Any]:
-    """summary.json, stages left out."""
-    from graphnav.batch import doubts
-
-    solved = judged.solved
-    origin = solved.origin
-    step = np.diff(table[["e", "n", "u"]].to_numpy(), axis=0)
-    quiet = np.hypot(table["v_e"], table["v_n"]).to_numpy()[1:] > 0.02
-    found = {
-        "graphnav": 1,
-        "quality": judged.quality.as_dict(),
-        "run": str(solved.run.path),
-        "vehicle": solved.vehicle.body.name or solved.vehicle.kind,
-        "kind": solved.vehicle.kind,
-        "origin": {
-            "lat": float(np.rad2deg(origin.lat)),
-            "lon": float(np.rad2deg(origin.lon)),
-            "height": origin.height,
-        },
-        "duration_s": float(solved.path.time[-1] - solved.path.time[0]),
-        "distance_m": float(np.linalg.norm(step, axis=1)[quiet].sum()),
-        "states": {
-            name: {"count": count, "seconds": round(seconds, 3)}
-            for name, (count, seconds) in solved.timeline.totals().items()
-        },
-        "events": slips,
-        "solver": solved.solver,
-        "residuals": _residuals(solved),
-        "warnings": judged.findings,
-        "verdicts": [*solved.verdicts, *doubts.where(solved)],
-    }
-    if comparison is not None:
-        found["comparison"] = comparison
-        # interface.md names these at the top
-        found |= {k: comparison[k] for k in PROMISED}
-    return found
-
-
-PROMISED = (
-    "horizontal_rms_m",
-    "horizontal_max_m",
-    "horizontal_end_m",
-    "permille_of_distance",
-    "heading_rms_deg",
-    "nees_horizontal",
-)
-
-
-def _residuals(solved: Solved) -> dict[str, Any]:
-    """Root mean square of the whitened residuals and share of doubted rows, by factor kind."""
-    found = {}
-    for block, weight in zip(solved.blocks, solved.weights, strict=True):
-        if len(block.time):
-            found[block.kind] = {
-                "count": len(block.time),
-                "rms": float(np.sqrt(np.mean(weight * block.residual**2))),
-                "doubted": float(np.mean(weight < 0.5)),
-            }
-    return found
-
-
-def _update_stages(directory: Path, told: Stages) -> None:
+def _update_stages(directory: Path, progress: Stages) -> None:
     """Seconds and memory by stage, once all of them have ended."""
     path = directory / "summary.json"
     said = json.loads(path.read_text(encoding="utf-8"))
-    said["stages"] = {name: round(seconds, 3) for name, seconds in told.seconds.items()}
-    said["stage_memory_mb"] = {name: round(mb, 1) for name, mb in told.memory_mb.items()}
-    said["peak_memory_mb"] = round(told.peak_memory_mb, 1)
-    _write_json(path, said)
-
-
-def _write_json(path: Path, content: dict[str, Any]) -> None:
-    path.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
+    said["stages"] = {name: round(seconds, 3) for name, seconds in progress.seconds.items()}
+    said["stage_memory_mb"] = {name: round(mb, 1) for name, mb in progress.memory_mb.items()}
+    said["peak_memory_mb"] = round(progress.peak_memory_mb, 1)
+    write_json(path, said)
 
 
 def _truth(path: Path | None) -> "DataFrame | None":

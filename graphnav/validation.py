@@ -7,7 +7,7 @@ from typing import Any
 from graphnav.common.errors import InputError
 from graphnav.common.progress import Stages
 from graphnav.common.run import Run
-from graphnav.pipeline import solve
+from graphnav.pipeline import SmoothOptions, solve
 from graphnav.reading.check import check
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle import Vehicle
@@ -34,14 +34,14 @@ def validate(
     The file lies in the directory `result` where that is one of graphnav's, else beside the run.
     Raises InputError when the run has too few fixes to withhold any.
     """
-    told = progress or Stages(show=False)
-    told("reading")
+    progress = progress or Stages(show=False)
+    progress("reading")
     vehicle = load_vehicle(vehicle_path, run_path)
     run = read_run(run_path, vehicle)
     check(run, vehicle)
     if run.gnss is None or not vehicle.gnss.use or len(run.gnss.time) < LEAST_FIXES:
         raise InputError(f"{run_path}: needs at least {LEAST_FIXES} fixes in use to withhold some")
-    found = promises(run, vehicle, lengths, told)
+    found = promises(run, vehicle, lengths, progress)
     if not found:
         raise InputError(
             f"{run_path}: its fixes span too little time to withhold {min(lengths):g} s of them"
@@ -55,19 +55,20 @@ def validate(
     return said, file
 
 
-def promises(run: Run, vehicle: Vehicle, lengths: tuple[float, ...], told: Stages) -> list[Promise]:
+def promises(
+    run: Run, vehicle: Vehicle, lengths: tuple[float, ...], progress: Stages
+) -> list[Promise]:
     """Smooth the run whole and once for each block length; lengths without a block are left out."""
     assert run.gnss is not None
-    told("all fixes")
-    quiet = Stages(show=False)
-    fixes = withheld.believed(solve(run, vehicle, True, (), 10.0, quiet))
+    progress("all fixes")
+    fixes = withheld.believed(solve(run, vehicle))
     found = []
     for length in lengths:
         held = withheld.blocks(run.gnss.time, length)
         if held:
-            told(f"without {length:g} s")
+            progress(f"without {length:g} s")
             outages = [(a + run.clock_start, b + run.clock_start) for a, b in held]
-            without = solve(run, vehicle, True, outages, 10.0, quiet)
+            without = solve(run, vehicle, SmoothOptions(outages=outages))
             each = withheld.promise(without, fixes, held, length)
             found += [each] if each else []
     return found

@@ -13,9 +13,8 @@ import pandas as pd
 import pytest
 from scipy.stats import chi2
 
-from graphnav.common.progress import Stages
 from graphnav.common.run import Array
-from graphnav.pipeline import solve
+from graphnav.pipeline import SmoothOptions, solve
 from graphnav.reading.read import read_run
 from graphnav.reading.truth import read_truth
 from graphnav.reading.vehicle_file import load_vehicle
@@ -40,7 +39,7 @@ def normalised(directory: Path) -> Normalised:
     """Smooth a simulated run and hold it against its truth."""
     run = directory / "run.csv.gz"
     vehicle = load_vehicle(None, run)
-    solved = solve(read_run(run, vehicle), vehicle, True, (), 100.0, Stages(show=False))
+    solved = solve(read_run(run, vehicle), vehicle, SmoothOptions(rate_hz=100.0))
     table = pd.DataFrame(trajectory.table(solved, 100.0))
     truth = read_truth(directory / "truth.csv.gz").iloc[[1500, -20]]
 

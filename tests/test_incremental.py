@@ -12,7 +12,7 @@ import pytest
 
 from factors import so3
 from graphnav import Smoother
-from graphnav.batch.smoother import smooth
+from graphnav.batch.smoother import smooth_batch
 from graphnav.cli.cli import main
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Run
@@ -114,7 +114,7 @@ def test_noise_is_learnt_as_the_run_doubles(prep: Prepared, stream: Smoother) ->
     graph, early = stream.graph, incremental.replayed(cut(prep, 130.0), None).graph
     assert graph is not None and early is not None
     assert not early.log.scales
-    found, batch = graph.log.scales, smooth(prep).scales
+    found, batch = graph.log.scales, smooth_batch(prep).scales
     assert found and all(key.startswith("displacement") for key in found)
     for key, scale in found.items():
         assert growing.BOLDEST <= scale == pytest.approx(max(batch[key], growing.BOLDEST), rel=0.3)
@@ -133,7 +133,7 @@ def test_shedding_old_nodes_changes_nothing(
 
 
 def test_the_final_answer_is_the_batch_one(prep: Prepared) -> None:
-    batch, replay = smooth(prep), incremental.smooth(prep)
+    batch, replay = smooth_batch(prep), incremental.smooth_incremental(prep)
     path, other = replay.smoothed.path, batch.path
     assert np.linalg.norm(path.p_n - other.p_n, axis=1).max() < 0.01
     turn = so3.log(so3.transpose(path.R_nb) @ other.R_nb)

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from smoothing import QUICK, changed, command, smoothed, summary, trajectory
 
-from graphnav.batch.smoother import smooth
+from graphnav.batch.smoother import smooth_batch
 from graphnav.common.earth import Origin
 from graphnav.graph.preparation import prepare
 from graphnav.reading.read import read_run
@@ -184,7 +184,7 @@ def test_more_nodes_tell_the_same_path(tracked: Path) -> None:
 def test_path_hits_the_nodes(tracked: Path) -> None:
     path = tracked / "run.csv.gz"
     vehicle = load_vehicle(None, path)
-    found = smooth(prepare(read_run(path, vehicle), vehicle, use_gnss=False, outages=()))
+    found = smooth_batch(prepare(read_run(path, vehicle), vehicle, use_gnss=False, outages=()))
     nodes = found.problem.nodes
     np.testing.assert_allclose(found.path.time[nodes.edge], nodes.time, atol=1e-9)
     np.testing.assert_allclose(found.path.p_n[nodes.edge], found.estimate.p_n, atol=1e-6)

@@ -10,7 +10,6 @@ from smoothing import QUICK, changed, command, summary
 
 from graphnav.batch import doubts
 from graphnav.batch.judgement import judge
-from graphnav.common.progress import Stages
 from graphnav.pipeline import solve
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle_file import load_vehicle
@@ -37,7 +36,7 @@ def solved(drive: Path) -> Solved:
     """The drive, smoothed."""
     path = drive / "run.csv.gz"
     vehicle = load_vehicle(None, path)
-    return solve(read_run(path, vehicle), vehicle, True, (), 10.0, Stages(show=False))
+    return solve(read_run(path, vehicle), vehicle)
 
 
 def grade_of(solved: Solved) -> str:

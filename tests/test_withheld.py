@@ -9,7 +9,6 @@ import pytest
 from smoothing import QUICK, command
 
 from graphnav.common.errors import InputError
-from graphnav.common.progress import Stages
 from graphnav.pipeline import solve
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle_file import load_vehicle
@@ -32,7 +31,7 @@ def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def solved(drive: Path) -> Solved:
     """The drive, smoothed with all fixes."""
     vehicle = load_vehicle(None, drive)
-    return solve(read_run(drive, vehicle), vehicle, True, (), 10.0, Stages(show=False))
+    return solve(read_run(drive, vehicle), vehicle)
 
 
 def test_blocks_leave_fixes_at_both_ends_and_between() -> None:

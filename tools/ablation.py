@@ -22,7 +22,7 @@ from rich.table import Table
 
 from factors.estimate import Estimate
 from graphnav.batch.finish import finish
-from graphnav.batch.smoother import Smoothed, smooth
+from graphnav.batch.smoother import Smoothed, smooth_batch
 from graphnav.common.earth import Origin
 from graphnav.common.errors import GraphnavError, InputError
 from graphnav.common.run import Run
@@ -114,13 +114,13 @@ def ablation(run: Run, vehicle: Vehicle, truth: DataFrame | None) -> dict[str, d
     def prepared(corrections: Corrections) -> Prepared:
         return prepare(run, vehicle, use_gnss=False, outages=(), table=corrections)
 
-    learnt = smooth(prepared(table))
+    learnt = smooth_batch(prepared(table))
     solved = {
         "least squares, raw odometer": least_squares(prepared(raw(table)), learnt),
         "least squares, paper's constants": least_squares(prepared(held(table)), learnt),
         "least squares, ground learnt": least_squares(learnt.prep, learnt),
-        "robust, raw odometer": smooth(prepared(raw(table))),
-        "robust, paper's constants": smooth(prepared(held(table))),
+        "robust, raw odometer": smooth_batch(prepared(raw(table))),
+        "robust, paper's constants": smooth_batch(prepared(held(table))),
         "robust, ground learnt": learnt,
     }
     found = {k: DataFrame(trajectory.table(finish(s, run), 10.0)) for k, s in solved.items()}

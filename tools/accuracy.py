@@ -24,7 +24,6 @@ from rich.table import Table
 from scipy.stats import chi2
 
 from graphnav.common.errors import GraphnavError
-from graphnav.common.progress import Stages
 from graphnav.common.run import Array
 from graphnav.pipeline import solve
 from graphnav.reading.read import read_run
@@ -76,7 +75,7 @@ def judged(directory: Path) -> dict[str, Any]:
     vehicle = load_vehicle(None, path)
     run = read_run(path, vehicle)
     began = time.perf_counter()
-    solved = solve(run, vehicle, True, (), 10.0, Stages(show=False))
+    solved = solve(run, vehicle)
     took = time.perf_counter() - began
     table = DataFrame(trajectory.table(solved, 10.0))
     found = compare(table, truth).as_dict() | {"seconds": took}

@@ -118,11 +118,11 @@ def child(mode: str, nodes_hz: str, run: str, out: str) -> None:
     before = workload()
     began = time.perf_counter()
     from graphnav.common.progress import Stages
-    from graphnav.pipeline import smooth
+    from graphnav.pipeline import SmoothOptions, smooth
 
     imported = time.perf_counter()
     quiet = Stages(show=False)
-    smooth(Path(run), out=Path(out), mode=mode, nodes_hz=float(nodes_hz), progress=quiet)
+    smooth(Path(run), Path(out), SmoothOptions(mode=mode, nodes_hz=float(nodes_hz)), quiet)
     ended = time.perf_counter()
     told = {"importing": imported - began, "seconds": ended - began}
     print(json.dumps(told | {"unit": 0.5 * (before + workload())}))

@@ -22,7 +22,7 @@ from rich.console import Console
 from rich.table import Table
 
 from graphnav.batch.finish import finish
-from graphnav.batch.smoother import smooth
+from graphnav.batch.smoother import smooth_batch
 from graphnav.common.angles import angles_of_rotation
 from graphnav.common.earth import Origin
 from graphnav.common.errors import GraphnavError, InputError
@@ -129,7 +129,7 @@ def main() -> None:
             raise InputError(f"{options.run}: no gyro")
         truth = read_truth(options.truth)[["time", "lat", "lon", "height"]]
         prep = prepare(run, vehicle, use_gnss=not options.no_gnss, outages=outages)
-        smoothed = smooth(prep)
+        smoothed = smooth_batch(prep)
     except GraphnavError as error:
         raise SystemExit(f"peers: {error}") from None
     origin, clock = prep.setup.alignment.origin, run.clock_start

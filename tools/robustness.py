@@ -15,9 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from graphnav.batch.finish import finish
-from graphnav.batch.smoother import FINAL, FIRST, Weights, smooth
+from graphnav.batch.smoother import smooth_batch
 from graphnav.common.run import Array
 from graphnav.graph.preparation import Prepared, prepare
+from graphnav.graph.robust_schedule import FINAL, FIRST, Weights
 from graphnav.reading.read import read_run
 from graphnav.reading.truth import read_truth
 from graphnav.reading.vehicle_file import load_vehicle
@@ -60,7 +61,7 @@ def score(
     prep: Prepared, weights: tuple[Weights, Weights], truth_path: Path, spans: Array
 ) -> Score:
     """Solve with the given weights and hold it against truth."""
-    solved = finish(smooth(prep, robust=weights), prep.sensed.run)
+    solved = finish(smooth_batch(prep, robust=weights), prep.sensed.run)
     t, error_v, error_p = _errors(solved, truth_path)
     inside = np.zeros(len(t), bool)
     for start, end in spans:

@@ -1,12 +1,12 @@
 """From a prepared run to its estimate: dead reckoning, motion states and graph, in rounds."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from factors.estimate import Estimate
 from graphnav.batch.first_path import first_path
+from graphnav.common.progress import Progress, unheard
 from graphnav.common.run import Array
 from graphnav.graph.densify import Path, densify
 from graphnav.graph.elimination import Covariances, covariances
@@ -46,21 +46,21 @@ class Smoothed:
         return self.solution.estimate
 
 
-def smooth(
+def smooth_batch(
     prep: Prepared,
-    told: Callable[[str], None] = lambda _: None,
+    progress: Progress = unheard,
     robust: tuple[Weights, Weights] = (FIRST, FINAL),
 ) -> Smoothed:
-    """Smooth a run; `told` hears the name of each stage as it begins.
+    """Smooth a run; `progress` hears the name of each stage as it begins.
 
     `robust` holds the weight functions by factor kind of the first round and of the later ones:
     convex first, redescending once the trajectory is near (a graduated schedule).
     """
-    told("dead reckoning")
+    progress("dead reckoning")
     nodes = _nodes(prep, np.zeros(0), prep.setup.interval)
     estimate, path = first_path(prep, nodes)
     reckoned = path
-    told("motion states")
+    progress("motion states")
     timeline = _recognised(prep, path, estimate, None)
     iterations = 0
     scales: dict[str, float] = {}
@@ -72,26 +72,26 @@ def smooth(
         nodes_next = _nodes(prep, timeline.boundaries, interval)
         estimate = _moved(estimate, nodes, path, nodes_next)
         nodes = nodes_next
-        told(f"graph, round {round_}")
+        progress(f"graph, round {round_}")
         problem = build(prep, nodes, timeline, estimate, scales)
-        told(f"solve, round {round_}")
+        progress(f"solve, round {round_}")
         last = (round_ >= MIN_ROUNDS and stands) or round_ == MAX_ROUNDS
         weights, tolerance = robust[round_ > 1], FINE if last else ROUGH
         solution = gauss_newton(problem.linearise, estimate, problem.chain, weights, tolerance)
         iterations += solution.iterations
         estimate = solution.estimate
         path = densify(prep.sensed.inc, problem.pre, nodes, estimate, prep.setup.alignment.origin)
-        told(f"covariances, round {round_}")
+        progress(f"covariances, round {round_}")
         found = covariances(solution.bayes_net, problem.chain)
         if last:
             break
         if not stands:
-            told(f"motion states, round {round_}")
+            progress(f"motion states, round {round_}")
             again = _recognised(prep, path, estimate, nodes)
             stands = disagreement(timeline, again) < SAME_TIMELINE
             timeline = again
         scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
-    told("state probabilities")
+    progress("state probabilities")
     if _has_gears(prep):
         timeline = with_probabilities(
             timeline, kinematics(prep, path, estimate, nodes), prep.setup.params

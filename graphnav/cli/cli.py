@@ -116,24 +116,22 @@ def smooth(
     check_replaceable(out)
     with Stages() as stages:
         stages("starting")
-        from graphnav.pipeline import smooth as smoothed
+        from graphnav import pipeline
 
-        quality = smoothed(
-            run,
+        options = pipeline.SmoothOptions(
             vehicle_path=vehicle,
-            out=out,
-            mode=more["mode"],
             truth=truth,
+            mode=more["mode"],
+            lag=more["lag"],
             rate_hz=more["rate"],
             nodes_hz=more["nodes"],
+            use_gnss=more["gnss"],
+            outages=more["outage"],
+            csv=more["csv"],
             rrd=more["rrd"],
             report=more["report"],
-            outages=more["outage"],
-            use_gnss=more["gnss"],
-            csv=more["csv"],
-            lag=more["lag"],
-            progress=stages,
         )
+        quality = pipeline.smooth(run, out, options, stages)
     from graphnav.cli.digest import digest, raise_if_rejected
 
     click.echo(digest(out))

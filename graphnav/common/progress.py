@@ -2,6 +2,7 @@
 
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
 
@@ -9,8 +10,13 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.status import Status
 
+Progress = Callable[[str], None]  # hears the name of each stage as it begins
 STATUS = Path("/proc/self/status")
 CLEAR_REFS = Path("/proc/self/clear_refs")
+
+
+def unheard(_: str) -> None:
+    """Progress that nobody follows."""
 
 
 class Stages:

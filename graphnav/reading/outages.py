@@ -27,7 +27,7 @@ def in_use(run: Run, vehicle: Vehicle, use_gnss: bool, outages: Outages) -> Gnss
     return Gnss(*(getattr(gnss, f)[keep] for f in vars(gnss))) if keep.any() else None
 
 
-def told(run: Run, outages: Outages) -> list[str]:
+def described(run: Run, outages: Outages) -> list[str]:
     """What every outage took away, in words: a mistyped one takes nothing."""
     counts = withheld(run, outages).sum(axis=1).tolist()
     return [

@@ -156,17 +156,17 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
     every = max(1, round(STEP / dt))
     taken = np.arange(every // 2, len(kinematics.time), every)
 
-    def smooth(values: Array, seconds: float = 0.3) -> Array:
+    def averaged(values: Array, seconds: float = 0.3) -> Array:
         size = max(1, round(seconds / dt))
         valid = np.isfinite(values)
         share = uniform_filter1d(valid.astype(np.float64), size, mode="nearest")
         total = uniform_filter1d(np.where(valid, values, 0.0), size, mode="nearest")
         return np.where(valid, total / np.where(valid, share, 1.0), np.nan)
 
-    v_o, yaw = smooth(kinematics.v_o), smooth(kinematics.yaw_rate)
+    v_o, yaw = averaged(kinematics.v_o), averaged(kinematics.yaw_rate)
     way = np.where(np.nan_to_num(v_o) < 0, -1.0, 1.0)  # reverse is driven like forward
     v_o, turning = np.abs(v_o), np.abs(yaw)
-    speed, sd, correlation = _inertial_speed(kinematics, yaw, smooth)
+    speed, sd, correlation = _inertial_speed(kinematics, yaw, averaged)
     reach = round(HALF_WINDOW / dt)
     back = np.maximum(taken - reach, 0)
     ahead = np.minimum(taken + reach, len(v_o) - 1)
@@ -175,7 +175,7 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
     else:
         steps = 0.5 * dt * (kinematics.accel_y[1:] + kinematics.accel_y[:-1])
         velocity = np.r_[0.0, np.cumsum(steps)]
-        gained = (smooth(velocity)[ahead] - smooth(velocity)[back]) * way[taken]
+        gained = (averaged(velocity)[ahead] - averaged(velocity)[back]) * way[taken]
     return kinematics.time[taken], Moments(
         step=every * dt,
         speed=(speed * way)[taken],
@@ -183,7 +183,7 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
         correlation=correlation[taken],
         odometer=v_o[taken],
         yaw_rate=turning[taken],
-        turned=np.abs(smooth(kinematics.yaw_rate, 1.0))[taken],
+        turned=np.abs(averaged(kinematics.yaw_rate, 1.0))[taken],
         standing=kinematics.standing[taken],
         odometer_before=v_o[back],
         odometer_after=v_o[ahead],

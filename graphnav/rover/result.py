@@ -1,6 +1,5 @@
 """A smoothed rover as the writers want it, and what its wheels did wrong."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import NDArray
 from factors import kinds
 from factors.block import PHASE
 from factors.calibration import ACCEL_BIAS, GYRO_BIAS, SIDE_SLIP, SLIP_COEFFICIENT, TOE, YAW_SLIP
+from graphnav.common.progress import Progress, unheard
 from graphnav.common.run import Array, Run
 from graphnav.graph.calibrations import DEG_H, MG
 from graphnav.graph.preparation import fixes_in
@@ -30,8 +30,8 @@ INNER = (kinds.CALIBRATION_MEAN, kinds.BOUNDS, kinds.TILT, kinds.WHEEL_SPEED)
 
 
 @dataclass(frozen=True)
-class Told:
-    """How a calibration is told."""
+class Reported:
+    """How a calibration is reported."""
 
     column: str
     name: str
@@ -43,13 +43,13 @@ class Told:
 
 XYZ = ("x", "y", "z")
 DEG = np.deg2rad(1.0)
-TOLD = (
-    Told(GYRO_BIAS, "gyro_bias_deg_h", "deg/h", XYZ, DEG_H),
-    Told(ACCEL_BIAS, "accel_bias_mg", "mg", XYZ, MG),
-    Told(SLIP_COEFFICIENT, "slip_coefficient", "1", ("k_s",), 1.0),
-    Told(SIDE_SLIP, "side_slip", "1", ("right",), 1.0),
-    Told(TOE, "toe_deg_m", "deg/m", ("left",), DEG, constant=True),
-    Told(YAW_SLIP, "yaw_slip_deg_m", "deg/m", ("left",), DEG),
+REPORTED = (
+    Reported(GYRO_BIAS, "gyro_bias_deg_h", "deg/h", XYZ, DEG_H),
+    Reported(ACCEL_BIAS, "accel_bias_mg", "mg", XYZ, MG),
+    Reported(SLIP_COEFFICIENT, "slip_coefficient", "1", ("k_s",), 1.0),
+    Reported(SIDE_SLIP, "side_slip", "1", ("right",), 1.0),
+    Reported(TOE, "toe_deg_m", "deg/m", ("left",), DEG, constant=True),
+    Reported(YAW_SLIP, "yaw_slip_deg_m", "deg/m", ("left",), DEG),
 )
 
 
@@ -59,7 +59,7 @@ def solve_rover(
     *,
     use_gnss: bool = True,
     outages: Outages = (),
-    told: Callable[[str], None] = lambda _: None,
+    progress: Progress = unheard,
     feel_ground: bool = True,
 ) -> Solved:
     """Smooth a run with rover gear. `outages` on the file's clock, s: fixes withheld.
@@ -70,7 +70,7 @@ def solve_rover(
     does not settle.
     """
     used = replace(run, gnss=in_use(run, vehicle, use_gnss, outages))
-    return finished(smooth_rover(used, vehicle, told, feel_ground), run, vehicle)
+    return finished(smooth_rover(used, vehicle, progress, feel_ground), run, vehicle)
 
 
 def finished(solution: RoverSolution, run: Run, vehicle: Vehicle) -> Solved:
@@ -133,13 +133,13 @@ def calibrated(solution: RoverSolution) -> list[Calibrated]:
     value = solution.estimate.calibration
     sd = np.sqrt(np.einsum("kii->ki", solution.covariances.calibration))
     out = []
-    for t in TOLD:
+    for t in REPORTED:
         if t.column in layout.slices:
             at = layout.slices[t.column]
             rows = slice(-1, None) if t.constant else slice(None)
-            told = (value[rows, at], sd[rows, at], layout.prior[at], layout.prior_sd[at])
-            numbers = [x / t.per for x in told]
-            out.append(Calibrated(t.name, t.unit, t.components, t.constant, time[rows], *numbers))
+            numbers = (value[rows, at], sd[rows, at], layout.prior[at], layout.prior_sd[at])
+            scaled = [x / t.per for x in numbers]
+            out.append(Calibrated(t.name, t.unit, t.components, t.constant, time[rows], *scaled))
     return out
 
 

@@ -1,6 +1,5 @@
 """A rover run from wheels to estimate: first guess, rounds of solving, the path between nodes."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,6 +12,7 @@ from factors.rover_wheels import turns
 from factors.terrain_slip import WheelTrack
 from factors.weights import Robust
 from graphnav.common.angles import rotation_of_angles
+from graphnav.common.progress import Progress, unheard
 from graphnav.common.run import Run
 from graphnav.graph.densify import Path
 from graphnav.graph.elimination import Covariances, covariances
@@ -55,20 +55,20 @@ class RoverSolution:
 def smooth_rover(
     run: Run,
     vehicle: Vehicle,
-    told: Callable[[str], None] = lambda _: None,
+    progress: Progress = unheard,
     feel_ground: bool = True,
 ) -> RoverSolution:
     """Solve a rover run: convex weights first; then the ground's profile and statistics join in.
 
-    Every fix in `run.gnss` is used; `told` hears the name of each stage as it begins. Not
+    Every fix in `run.gnss` is used; `progress` hears the name of each stage as it begins. Not
     `feel_ground`: slip is not read from the ground's profile.
     """
-    told("wheels")
+    progress("wheels")
     problem = prepare(run, vehicle)
     estimate = first_guess(problem)
     found: list[WheelTrack] = []
     for round_, robust in enumerate((CONVEX, CONVEX, ROBUST), 1):
-        told(f"solve, round {round_}")
+        progress(f"solve, round {round_}")
         factors = build(problem, estimate, found)
         solution = gauss_newton(
             lambda x: [b for f in factors for b in f(x)],  # noqa: B023  called at once
@@ -87,7 +87,7 @@ def smooth_rover(
                 problem = with_spread(problem, YAW_SLIP, 0.0, yaw_slip_sd(problem, estimate))
             known = covariances(solution.bayes_net, problem.chain)
             problem = with_spread(problem, SLIP_COEFFICIENT, *slip_spread(problem, estimate, known))
-    told("covariances")
+    progress("covariances")
     return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain), found)
 
 
@@ -99,13 +99,13 @@ def path_of(problem: RoverProblem, x: Estimate) -> Path:
 def with_spread(problem: RoverProblem, name: str, mean: float, sd: float) -> RoverProblem:
     """The problem with another prior for something that wanders over the ground."""
 
-    def told(component: Component) -> Component:
+    def spread(component: Component) -> Component:
         if component.name != name:
             return component
         return replace(component, prior=np.array([mean]), sd=np.array([sd]))
 
-    layout = Layout(tuple(told(c) for c in problem.layout.components))
-    wandering = tuple(replace(w, component=told(w.component)) for w in problem.wandering)
+    layout = Layout(tuple(spread(c) for c in problem.layout.components))
+    wandering = tuple(replace(w, component=spread(w.component)) for w in problem.wandering)
     return replace(problem, layout=layout, wandering=wandering)
 
 

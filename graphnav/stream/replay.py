@@ -4,7 +4,6 @@ The stream says what the vehicle knew at every node. What is known now is the ba
 far iSAM2's own is from the batch solution of the same factors is told with it.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from time import perf_counter
@@ -13,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from factors.block import POSITION
-from graphnav.batch.smoother import Smoothed
-from graphnav.batch.smoother import smooth as smooth_batch
+from graphnav.batch.smoother import Smoothed, smooth_batch
+from graphnav.common.progress import Progress, unheard
 from graphnav.common.run import Array, Run
 from graphnav.common.worker_process import WorkerProcess
 from graphnav.graph.elimination import step
@@ -40,8 +39,8 @@ class Replayed:
     peak_memory_mb: float  # of the replay
 
 
-def smooth(
-    prep: Prepared, lag: float | None = None, told: Callable[[str], None] = lambda _: None
+def smooth_incremental(
+    prep: Prepared, lag: float | None = None, progress: Progress = unheard
 ) -> Replayed:
     """Replay a run in another process while this one smooths it; `lag` s as in `Smoother`.
 
@@ -49,8 +48,8 @@ def smooth(
     """
     with WorkerProcess(f"{__name__}:known_and_solver") as stream:
         stream.call(prep, lag)
-        smoothed = smooth_batch(prep, told)
-        told("incremental")
+        smoothed = smooth_batch(prep, progress)
+        progress("incremental")
         known, solver = stream.result()
     return Replayed(smoothed, known, solver, stream.peak_memory_mb)
 

@@ -25,14 +25,14 @@ class Views:
         """`kinds`: recording, report."""
         self._kinds, self._makers, self._stack = kinds, dict[str, WorkerProcess](), ExitStack()
 
-    def make(self, directory: Path, told: Stages) -> None:
+    def make(self, directory: Path, progress: Stages) -> None:
         """Make all views of a directory, side by side; SolutionError says what kept one."""
         for maker in self._makers.values():
             maker.call(directory)
         for kind, maker in self._makers.items():
-            told(kind)
+            progress(kind)
             maker.result()
-            told.beside(maker.peak_memory_mb)
+            progress.beside(maker.peak_memory_mb)
 
     def __enter__(self) -> Self:
         for kind in self._kinds:
