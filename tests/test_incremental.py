@@ -252,7 +252,9 @@ def test_command_writes_what_was_known(
         main()
     assert not ended.value.code
     found = pd.read_parquet(out / "trajectory_causal.parquet")
-    assert list(found) == ["time", "e", "n", "u", "heading_deg", "sd_e", "sd_n", "latency_ms"]
+    known = ["time", "e", "n", "u", "v_e", "v_n", "v_u", "heading_deg"]
+    sds = ["sd_e", "sd_n", "sd_v_e", "sd_v_n", "sd_v_u", "sd_heading_deg"]
+    assert list(found) == [*known, *sds, "latency_ms"]
     assert len(found) > 100 and np.isfinite(found.to_numpy()).all()
     solver = json.loads((out / "summary.json").read_text())["solver"]
     assert solver["updates"] == len(found) and solver["median_ms"] > 0

@@ -2,6 +2,7 @@
 
     python tools/accuracy.py tracked --seeds 11-15 --ground soil
     python tools/accuracy.py wheeled --grade tactical --duration 1200 --json
+    python tools/accuracy.py field-tracked field-wheeled field-skid --gnss
 
 One line per seed and their median; the tables of README.md are made by it. Runs are kept in --cache
 and simulated once. `NEES in bounds`: the mean squared normalised position error lies between the
@@ -11,17 +12,20 @@ leaves (an error that drifts for an hour is one sample, not 36,000).
 
 import argparse
 import json
+import sys
 import time
 from pathlib import Path
 from statistics import median
 from typing import Any
 
 import numpy as np
+from normalised_errors import independent, normalised
 from pandas import DataFrame
 from rich.box import MARKDOWN
 from rich.console import Console
 from rich.table import Table
 from scipy.stats import chi2
+from simulated_runs import add_options, run_of
 
 from graphnav.common.errors import GraphnavError
 from graphnav.common.run import Array
@@ -32,9 +36,7 @@ from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.result import trajectory
 from graphnav.result.compare import compare
 from graphnav.result.solved import Calibrated, Solved
-from graphnav.simulation import simulate
 
-CACHE = Path.home() / ".cache" / "graphnav"
 SETTLED_S = 300.0  # wandering calibrations are judged after it
 FIGURES = {
     "horizontal_max_m": "max [m]",
@@ -48,24 +50,6 @@ FIGURES = {
     "state_accuracy": "states right",
     "seconds": "smoothed in [s]",
 }
-LONGEST_LAG = 0.5  # of the run
-
-
-def seeds(text: str) -> list[int]:
-    """`3`, `1,4,9` or `11-15`."""
-    first, dash, last = text.partition("-")
-    return list(range(int(first), int(last) + 1)) if dash else [int(s) for s in text.split(",")]
-
-
-def run_of(options: argparse.Namespace, seed: int) -> Path:
-    """The simulated run of a seed, from the cache where it is there."""
-    fixes = "gnss" if options.gnss else ""
-    words = (options.scenario, options.ground, options.grade, options.duration, fixes, seed)
-    where: Path = options.cache / "_".join(str(word) for word in words if word)
-    if not (where / "run.csv.gz").exists():
-        chosen = {k: getattr(options, k) for k in ("grade", "ground", "duration", "gnss")}
-        simulate(options.scenario, where, seed, **chosen)
-    return where
 
 
 def judged(directory: Path) -> dict[str, Any]:
@@ -79,40 +63,12 @@ def judged(directory: Path) -> dict[str, Any]:
     took = time.perf_counter() - began
     table = DataFrame(trajectory.table(solved, 10.0))
     found = compare(table, truth).as_dict() | {"seconds": took}
-    found["independent_samples"] = samples = independent(normalised(solved, table, truth))
+    errors = normalised(table, truth, solved.origin)
+    found["independent_samples"] = samples = independent(errors["position"])
     low, high = chi2.ppf([0.025, 0.975], 2 * samples) / samples
     found["nees_in_bounds"] = bool(low <= found["nees_horizontal"] <= high)
     true = json.loads((directory / "truth_calibration.json").read_text())["calibration"]
     return found | {"calibration": calibration_errors(solved, true)}
-
-
-def normalised(solved: Solved, table: DataFrame, truth: DataFrame) -> Array:
-    """East and north errors over their deviations at truth's times, once a second, (n, 2)."""
-    lla = np.deg2rad(truth["lat"]), np.deg2rad(truth["lon"]), truth["height"]
-    true = solved.origin.local(*(np.asarray(x) for x in lla))
-    once = np.unique(np.floor(truth["time"]), return_index=True)[1]
-    at = truth["time"].to_numpy()[once]
-
-    def own(name: str) -> Array:
-        return np.asarray(np.interp(at, table["time"], table[name]))
-
-    pairs = zip(("e", "n"), true[once].T, strict=False)
-    return np.stack([(own(name) - there) / own(f"sd_{name}") for name, there in pairs], -1)
-
-
-def independent(errors: Array) -> float:
-    """Samples (n, 2) that are worth as much if they were independent, at least 1.
-
-    The squares of a process correlate as the square of its autocorrelation.
-    """
-    n = len(errors)
-    auto = np.zeros(round(LONGEST_LAG * n))
-    for column in errors.T:
-        spectrum = np.abs(np.fft.rfft(column, 2 * n)) ** 2
-        each = np.fft.irfft(spectrum)[: len(auto)] / np.arange(n, n - len(auto), -1)
-        auto += each / each[0] / 2
-    first = int(np.argmax(auto < 0)) or len(auto)
-    return float(max(n / (1 + 2 * np.sum(auto[1:first] ** 2)), 1.0))
 
 
 def calibration_errors(solved: Solved, true: dict[str, Any]) -> dict[str, dict[str, Any]]:
@@ -174,23 +130,25 @@ def _cell(value: Any) -> str:
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("scenario", help="tracked, wheeled, slip or rover")
-    parser.add_argument("--seeds", type=seeds, default=seeds("11-15"), help="3 or 1,4,9 or 11-15")
-    parser.add_argument("--ground", default="concrete", help="concrete or soil (tracked)")
-    parser.add_argument("--grade", help="IMU: navigation, fog, tactical, mems")
-    parser.add_argument("--duration", type=float, help="s; default: the scenario's")
-    parser.add_argument("--gnss", action="store_true", help="with satellite fixes")
-    parser.add_argument("--cache", type=Path, default=CACHE)
+    known = "tracked, wheeled, slip, rover, field-tracked, field-wheeled, field-skid"
+    parser.add_argument("scenarios", nargs="+", metavar="SCENARIO", help=known)
+    add_options(parser, "11-15")
+    parser.add_argument("--gnss", action="store_true", help="satellite fixes too")
     parser.add_argument("--json", action="store_true")
     options = parser.parse_args()
-    try:
-        found = {str(seed): judged(run_of(options, seed)) for seed in options.seeds}
-    except GraphnavError as error:
-        raise SystemExit(f"accuracy: {error}") from None
+    everything = {}
+    for scenario in options.scenarios:
+        found: dict[str, dict[str, Any]] = {}
+        for seed in options.seeds:
+            try:
+                found[str(seed)] = judged(run_of(options, scenario, seed))
+            except GraphnavError as error:
+                print(f"accuracy: {scenario}, seed {seed}: {error}", file=sys.stderr)
+        everything[scenario] = found
+        if found and not options.json:
+            show(found, f"{scenario} {options.grade or ''} {options.ground}")
     if options.json:
-        print(json.dumps(found, indent=1))
-    else:
-        show(found, f"{options.scenario} {options.grade or ''} {options.ground}")
+        print(json.dumps(everything, indent=1))
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from factors import so3
 from factors.block import POSITION
 from graphnav.batch.smoother import Smoothed, smooth_batch
 from graphnav.common.progress import Progress, unheard
@@ -20,6 +21,7 @@ from graphnav.graph.elimination import step
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.robust_schedule import FIRST
 from graphnav.graph.solve import square_root
+from graphnav.result.trajectory import deviations
 from graphnav.stream.causal_estimate import CausalEstimate
 from graphnav.stream.incremental_graph import IncrementalGraph
 from graphnav.stream.smoother import Smoother
@@ -161,14 +163,15 @@ def causal(replayed: Replayed, prep: Prepared) -> dict[str, Array]:
     known, origin = replayed.known, prep.setup.alignment.origin
     x_e = np.array([k.origin.x_e + k.origin.R_en @ k.p_n for k in known]).reshape(-1, 3)
     p_n = (x_e - origin.x_e) @ origin.R_en
-    sd = np.array([k.sd_enu for k in known]).reshape(-1, 3)
-    return {
-        "time": np.array([k.time for k in known]) + prep.sensed.run.clock_start,
-        "e": p_n[:, 0],
-        "n": p_n[:, 1],
-        "u": p_n[:, 2],
-        "heading_deg": np.array([k.heading_deg for k in known]),
-        "sd_e": sd[:, 0],
-        "sd_n": sd[:, 1],
-        "latency_ms": 1e3 * np.array([k.latency for k in known]),
-    }
+    v_n = np.array([origin.R_en.T @ k.origin.R_en @ k.v_n for k in known]).reshape(-1, 3)
+    v_l = so3.mv(origin.level_axes(p_n), v_n)
+    covariance = np.array([k.covariance for k in known]).reshape(-1, 9, 9)
+    sd = deviations(covariance, np.array([k.R_nb for k in known]).reshape(-1, 3, 3))
+    columns = {"time": np.array([k.time for k in known]) + prep.sensed.run.clock_start}
+    columns |= dict(zip("enu", p_n.T, strict=True))
+    columns |= {f"v_{axis}": v for axis, v in zip("enu", v_l.T, strict=True)}
+    columns |= {"heading_deg": np.array([k.heading_deg for k in known])}
+    columns |= {f"sd_{axis}": sd.position[:, k] for k, axis in enumerate("en")}
+    columns |= {f"sd_v_{axis}": sd.velocity[:, k] for k, axis in enumerate("enu")}
+    columns |= {"sd_heading_deg": np.rad2deg(sd.angles[:, 2])}
+    return columns | {"latency_ms": 1e3 * np.array([k.latency for k in known])}
