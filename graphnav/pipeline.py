@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from graphnav.common.errors import InputError
 from graphnav.common.progress import Stages
 from graphnav.common.run import Run
+from graphnav.inertial.measured import measured
 from graphnav.reading.check import check
 from graphnav.reading.outages import Outages, described
 from graphnav.reading.read import read_run
@@ -66,7 +67,7 @@ def smooth(
     progress = progress or Stages(show=False)
     progress("reading")
     vehicle = load_vehicle(options.vehicle_path, run_path)
-    run = read_run(run_path, vehicle)
+    run = measured(read_run(run_path, vehicle))
     reference = _truth(options.truth)
     findings = check(run, vehicle, options.use_gnss) + described(run, options.outages)
     with Views(options.views) as views:

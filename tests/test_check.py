@@ -9,6 +9,7 @@ from runs import VEHICLE, driven, saved, shared
 
 from graphnav.common.errors import InputError
 from graphnav.common.run import Run
+from graphnav.inertial.measured import measured
 from graphnav.reading.axes import axes_matrix
 from graphnav.reading.check import check
 from graphnav.reading.read import read_run
@@ -108,8 +109,9 @@ def test_jolts_of_one_sample_are_no_fault(tmp_path: Path) -> None:
 
 
 def test_gaps_are_told_with_their_time(tmp_path: Path) -> None:
-    findings = check(*pair(saved(driven().drop(index=range(100, 150)), tmp_path)))
-    assert any("a gap" in f and "1.02 s before 3.020" in f for f in findings), findings
+    run, vehicle = pair(saved(driven().drop(index=range(100, 150)), tmp_path))
+    findings = check(measured(run), vehicle)
+    assert any("lost 50 of 3000" in f and "1 s before 3.020" in f for f in findings), findings
 
 
 def test_a_silent_odometer_is_told(tmp_path: Path) -> None:

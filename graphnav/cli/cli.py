@@ -144,12 +144,13 @@ def smooth(
 @click.option("--gnss/--no-gnss", default=True, help="Check as if without fixes.")
 def check(run: Path, vehicle: Path | None, gnss: bool) -> None:
     """Read RUN and its vehicle file and say what is noteworthy, without smoothing."""
+    from graphnav.inertial.measured import measured
     from graphnav.reading.check import check as findings_of
     from graphnav.reading.read import read_run
     from graphnav.reading.vehicle_file import load_vehicle
 
     described = load_vehicle(vehicle, run)
-    recorded = read_run(run, described)
+    recorded = measured(read_run(run, described))
     findings = findings_of(recorded, described, gnss)
     for finding in findings:
         click.echo(f"- {finding}")

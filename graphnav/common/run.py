@@ -21,6 +21,7 @@ class Imu:
     dt: Array  # (N,) s
     gyro: Array  # (N, 3) rad/s, b frame
     accel: Array  # (N, 3) m/s^2, specific force, b frame
+    doubt: Array | None = None  # (N, 2) rad, m/s: 1 sigma missed where a sample is a bridge only
 
 
 @dataclass(frozen=True)

@@ -18,8 +18,6 @@ from factors.preintegration import Increments
 from graphnav.common.run import Array, Imu
 from graphnav.common.side_by_side import side_by_side
 
-GAP_FACTOR, GAP_S = 3.0, 0.1  # of the usual interval, and s: a longer sample stands for a gap
-USUAL_RATE, USUAL_FORCE = 0.02, 0.5  # rad/s, m/s^2
 NEIGHBOURS = 2  # samples to either side that the polynomials take
 BLOCK = 100_000  # samples one core works on at a time
 GRID_S = 0.05  # duration of an increment the grouping aims at
@@ -34,7 +32,7 @@ def increments(imu: Imu, grid_s: float = GRID_S) -> Increments:
     size = max(1, round(grid_s / usual))
     step = size * max(1, BLOCK // size)
     parts = side_by_side(
-        lambda first: _block(imu, first, min(first + step, count), size, usual),
+        lambda first: _block(imu, first, min(first + step, count), size),
         range(0, count, step),
     )
     names = ("rotation", "velocity", "position", "jump", "doubt")
@@ -43,8 +41,8 @@ def increments(imu: Imu, grid_s: float = GRID_S) -> Increments:
     return Increments(edge=edge, **columns)
 
 
-def _block(imu: Imu, first: int, end: int, size: int, usual: float) -> Increments:
-    """Increments of samples `first` to `end - 1`, `size` in each; `usual` s in a sample."""
+def _block(imu: Imu, first: int, end: int, size: int) -> Increments:
+    """Increments of samples `first` to `end - 1`, `size` in each."""
     around = slice(max(first - NEIGHBOURS, 0), end + NEIGHBOURS)
     own = slice(first - around.start, end - around.start)
     dt = imu.dt[around]
@@ -60,28 +58,13 @@ def _block(imu: Imu, first: int, end: int, size: int, usual: float) -> Increment
     p = (0.5 * v - turned / 12 - slope_f) * dt[:, None]
     change = np.diff(u, axis=0, prepend=u[:1])
     jump = np.sqrt(np.einsum("ij,ij->i", change, change) / 12) * dt
-    doubt = _gap_doubt(imu.gyro[around], imu.accel[around], dt, usual)[own]
+    lost = np.zeros((end - first, 2)) if imu.doubt is None else imu.doubt[first:end]
 
     at = np.arange(0, end - first, size)
     time = np.concatenate([imu.time[first : first + 1] - imu.dt[first], imu.time[first:end]])
     edge = time[np.append(at, end - first)]
     whole = _compound(theta[own], v[own], p[own], dt[own], jump[own], at, edge)
-    return replace(whole, doubt=np.sqrt(np.add.reduceat(doubt**2, at, axis=0)))
-
-
-def _gap_doubt(gyro: Array, accel: Array, dt: Array, usual: float) -> Array:
-    """Turn [rad] and speed [m/s] a sample that stands for a gap may miss, one sigma, (N, 2).
-
-    The rate and force are held over the gap; what they do meanwhile may change by half of what they
-    are or of what they are found changed by, and by a driver's usual at least.
-    """
-    out = np.zeros((len(dt), 2))
-    gap = np.flatnonzero((dt > GAP_FACTOR * usual) & (dt > GAP_S))
-    for column, values, least in ((0, gyro, USUAL_RATE), (1, accel, USUAL_FORCE)):
-        change = np.linalg.norm(values[gap] - values[np.maximum(gap - 1, 0)], axis=1)
-        own = np.linalg.norm(values[gap], axis=1) if column == 0 else 0.0
-        out[gap, column] = 0.5 * np.maximum(np.maximum(change, own), least) * dt[gap]
-    return out
+    return replace(whole, doubt=np.sqrt(np.add.reduceat(lost**2, at, axis=0)))
 
 
 def _slope(x: Array) -> Array:

@@ -15,7 +15,6 @@ SLOW_IMU_HZ = 40.0
 SHORT_S, TOO_SHORT_S = 30.0, 2.0
 SLOWEST_S = 1.5  # between inertial samples: slower is another unit, nothing to integrate
 SILENT_S = 3.0  # an odometer quiet for longer is told
-GAP_FACTOR = 3.0  # of the usual sampling interval
 
 
 def check(run: Run, vehicle: Vehicle, use_gnss: bool = True) -> list[str]:
@@ -77,18 +76,9 @@ def _assumed(vehicle: Vehicle, two_sided: bool) -> list[str]:
 
 
 def _imu_findings(run: Run, imu: Imu) -> list[str]:
-    """Gaps, sampling rate, length."""
+    """Sampling rate, length."""
     found = []
     step = float(np.median(imu.dt))
-    gaps = np.flatnonzero(imu.dt > GAP_FACTOR * step)
-    if len(gaps):
-        worst = int(gaps[imu.dt[gaps].argmax()])
-        count = "a gap" if len(gaps) == 1 else f"{len(gaps)} gaps"
-        found.append(
-            f"the IMU has {count} over {GAP_FACTOR * step:.3g} s, the longest "
-            f"{imu.dt[worst]:.3g} s before {_clock(run, imu.time[worst])}: its rates are taken to "
-            "hold through them"
-        )
     if step > 1 / SLOW_IMU_HZ:
         found.append(
             f"the IMU comes at {1 / step:.3g} Hz: coning and sculling within a sample are lost"

@@ -1,0 +1,76 @@
+"""What was measured and when: a run's inertial samples on their own clock, screened and bridged."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from graphnav.common.run import Array, Run
+from graphnav.inertial.gaps import Mask, bridged
+from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.sample_clock import SampleClock, sample_clock
+from graphnav.inertial.screening import NAMES, Screened, screened
+
+RESTS, RESTS_S = 0.02, 0.5  # m/s over s to either side: the wheels stand
+
+
+def measured(run: Run) -> Run:
+    """The run with one inertial sample for every sampling step of the IMU's clock.
+
+    What is no measurement is bridged and doubted (`Imu.doubt`); rows that other sensors share with
+    the IMU have its time. All of it is told in `Run.notes`.
+    """
+    if run.imu is None or len(run.imu.time) < 2:
+        return run
+    imu = run.imu
+    clock = sample_clock(imu.time)
+    found = screened(imu, clock.step, _resting(run, imu.time))
+    seen = np.ones((len(imu.time), 2), bool)
+    for fault in found:
+        seen[fault.mask, fault.sensor] = False
+    notes = [*_clock_notes(run, clock), *(_note(run, fault) for fault in found)]
+    if not notes:
+        return run
+    return replace(run, imu=bridged(imu, clock, seen), notes=(*run.notes, *notes))
+
+
+def _resting(run: Run, time: Array) -> Mask:
+    """Where the odometer is heard to stand still, at times (N,) s."""
+    if run.odometer is None:
+        return np.zeros(len(time), bool)
+    slow = np.abs(speed_at(run.odometer, time, RESTS_S)) < RESTS
+    return np.asarray(slow & (time > run.odometer.time[0]) & (time < run.odometer.time[-1]))
+
+
+def _clock_notes(run: Run, clock: SampleClock) -> list[str]:
+    notes = []
+    lost = int((clock.steps - 1).sum())
+    if lost:
+        worst = int(clock.steps.argmax())
+        gaps = int((clock.steps > 1).sum())
+        notes.append(
+            f"the IMU lost {lost} of {len(clock.steps) + lost} samples in {gaps} gaps, the longest "
+            f"{(clock.steps[worst] - 1) * clock.step:.3g} s before {_at(run, clock.time[worst])}: "
+            "bridged from both sides, and doubted by how the motion around them changes"
+        )
+    if clock.late.any():
+        notes.append(
+            f"the IMU's stamps scatter by {1e3 * float(np.std(clock.late)):.3g} ms (up to "
+            f"{1e3 * float(clock.late.max()):.3g} ms late) about an even clock of "
+            f"{1 / clock.step:.6g} Hz: its samples are taken to come evenly"
+        )
+    return notes
+
+
+def _note(run: Run, fault: Screened) -> str:
+    assert run.imu is not None
+    at = np.flatnonzero(fault.mask)
+    first, last = _at(run, run.imu.time[at[0]]), _at(run, run.imu.time[at[-1]])
+    when = f"at {first}" if len(at) == 1 else f"between {first} and {last}"
+    count = "1 sample" if len(at) == 1 else f"{len(at)} samples"
+    return (
+        f"the {NAMES[fault.sensor]} is {fault.what} {when} ({count}): not used, bridged and doubted"
+    )
+
+
+def _at(run: Run, time: float) -> str:
+    return f"{run.clock_start + time:.3f}"

@@ -1,0 +1,179 @@
+"""Samples that are no measurement: absurd numbers, spikes, stuck, zeroed and clipped stretches.
+
+Each test names the samples of one sensor, gyro or accelerometer, that did not measure the motion;
+what they hide is then a gap like any other. A test compares the data with themselves: a spike with
+its neighbours, a repeated value with how often the sensor repeats itself, a ceiling with the values
+below it. So it knows no grade, and leaves vibration and hops alone.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from graphnav.common.run import Array, Imu
+from graphnav.inertial.gaps import Mask, stretches
+
+ABSURD = (100.0, 5000.0)  # rad/s, m/s^2: beyond any gyro and any accelerometer of a vehicle
+FEW = 0.01  # of the samples: a larger share is another unit or another sensor, not a fault
+BLOCK = 64  # samples whose median step tells how much the signal moves from one to the next
+STEP = 8.0  # median steps: a larger one is looked at
+CONTEXT = 12  # samples to either side that a suspect is compared with
+LONGEST, LONGEST_S = 5, 0.05  # samples and s of a spike
+STANDS_OUT = 3.0  # over the largest second difference of its context, about 15 sigma
+ALIKE = 6.0  # times as rough before as after, or after as before: a vehicle that starts or stops
+RETURNS = 3.0  # largest steps of its context: a level that changed by more is a jolt, no spike
+REPEATS, REPEATS_S = 5, 0.05  # samples and s that a stuck stretch lasts at least
+CHANCE = 1e-4  # of such a stretch anywhere in the run
+COARSE = 0.2  # of the samples repeat the one before: a sensor that does so is never stuck
+OWN_SHARE = 0.5  # of the run: a value held for longer is an axis that was not recorded
+CEILING = 3  # samples at exactly the largest value
+PILED = 5.0  # times as many as at the values just below it
+TINY = 1e-12  # of a channel that never moves
+NAMES = ("gyro", "accelerometer")
+
+
+@dataclass(frozen=True)
+class Screened:
+    """Samples of one sensor that one test found."""
+
+    sensor: int  # 0 gyro, 1 accelerometer
+    what: str
+    mask: Mask  # (N,)
+
+
+def screened(imu: Imu, step: float, resting: Mask) -> list[Screened]:
+    """What the samples of an IMU hold that is no measurement; `step` s between samples.
+
+    `resting` (N,) where the vehicle is heard to stand: there a quiet sensor may repeat itself.
+    """
+    absurd = [_absurd(x, most) for x, most in zip((imu.gyro, imu.accel), ABSURD, strict=True)]
+    sound = [_carried(x, bad) for x, bad in zip((imu.gyro, imu.accel), absurd, strict=True)]
+    spikes = _spikes(np.concatenate(sound, axis=1), step)
+    found: list[Screened] = []
+    for sensor in (0, 1):
+        own = spikes[:, 3 * sensor : 3 * sensor + 3].any(axis=1) & ~absurd[sensor]
+        found += [
+            Screened(sensor, "out of any range", absurd[sensor]),
+            Screened(sensor, "a spike", own),
+            Screened(sensor, "stuck", _stuck(sound[sensor], step, resting)),
+            Screened(sensor, "clipped", _clipped(sound[sensor])),
+        ]
+    return [f for f in found if f.mask.any()]
+
+
+def _absurd(values: Array, most: float) -> Mask:
+    """Samples (N,) no sensor measures; all of them sound where they are too many for a fault."""
+    absurd = ~(np.abs(values) < most).all(axis=1)
+    return np.asarray(absurd & (absurd.mean() < FEW))
+
+
+def _carried(values: Array, bad: Mask) -> Array:
+    """Values with the bad ones taken from the sample before."""
+    if not bad.any():
+        return values
+    good = np.maximum.accumulate(np.where(bad, -1, np.arange(len(bad))))
+    good[good < 0] = int(np.flatnonzero(~bad)[0])
+    return values[good]
+
+
+def _spikes(x: Array, step: float) -> Mask:
+    """Which samples of six channels (N, 6) leave the level of their neighbours and come back to it.
+
+    A jolt of the vehicle leaves another level or roughness in one of the channels, a spike none.
+    """
+    out = np.zeros(x.shape, bool)
+    if len(x) < 4 * CONTEXT:
+        return out
+    moved = np.abs(np.diff(x, axis=0))
+    quantum = np.array([_quantum(m) for m in moved.T])
+    limit = np.stack([_usual(m, q) for m, q in zip(moved.T, quantum, strict=True)], -1)
+    suspects = np.flatnonzero((moved > STEP * limit).any(axis=1))
+    pad = CONTEXT + LONGEST + 1
+    y = np.pad(x, ((pad, pad), (0, 0)), mode="reflect")
+    for length in range(1, max(1, min(LONGEST, int(LONGEST_S / step))) + 1):
+        first = np.unique(np.concatenate([suspects + 1, suspects + 1 - length]))
+        first = first[(first >= 0) & (first + length <= len(x))]
+        before = y[first[:, None] + pad + np.arange(-CONTEXT, 0)]
+        inside = y[first[:, None] + pad + np.arange(length)]
+        after = y[first[:, None] + pad + length + np.arange(CONTEXT)]
+        a, b = before[:, -2:].mean(axis=1), after[:, :2].mean(axis=1)
+        share = ((np.arange(length) + 1) / (length + 1))[:, None]
+        away = np.abs(inside - a[:, None] - (b - a)[:, None] * share).min(axis=1)
+        sides = np.abs([inside[:, 0] - before[:, -1], inside[:, -1] - after[:, 0]]).min(axis=0)
+        rough = [_largest(part, 2) + quantum for part in (before, after)]
+        usual = [_scatter(part) + quantum for part in (before, after)]
+        level = [_largest(part, 1) + quantum for part in (before, after)]
+        same = np.maximum(usual[0] / usual[1], usual[1] / usual[0]) < ALIKE
+        same &= np.abs(b - a) < (RETURNS + length) * np.maximum(*level)
+        spiked = away > STANDS_OUT * np.maximum(*rough)
+        spiked &= (away > RETURNS * np.abs(b - a)) & (sides > RETURNS * np.maximum(*level))
+        spiked &= same.all(axis=1)[:, None]
+        for k in range(length):
+            out[first + k] |= spiked
+    return out
+
+
+def _largest(x: Array, order: int) -> Array:
+    """Largest difference of an order among samples (n, CONTEXT, 6), (n, 6)."""
+    return np.asarray(np.abs(np.diff(x, order, axis=1)).max(axis=1))
+
+
+def _scatter(x: Array) -> Array:
+    """Root mean square second difference of samples (n, CONTEXT, 6), (n, 6)."""
+    return np.asarray(np.sqrt((np.diff(x, 2, axis=1) ** 2).mean(axis=1)))
+
+
+def _usual(moved: Array, quantum: float) -> Array:
+    """How much a signal usually moves from sample to sample, about each step (N,)."""
+    whole = len(moved) // BLOCK * BLOCK
+    local = np.median(moved[:whole].reshape(-1, BLOCK), axis=1)
+    local = np.maximum(local, np.median(local)) + quantum
+    return np.append(np.repeat(local, BLOCK), np.full(len(moved) - whole, local[-1]))
+
+
+def _quantum(moved: Array) -> float:
+    """The least the signal moves when it does."""
+    few = moved[: 100 * BLOCK]
+    few = few[few > 0]
+    return float(few.min()) if len(few) else TINY
+
+
+def _stuck(values: Array, step: float, resting: Mask) -> Mask:
+    """Samples (N,) that repeat the one before for longer than the sensor ever would by chance."""
+    same = np.diff(values, axis=0) == 0
+    out = np.zeros(len(values), bool)
+    for repeated in (same.all(axis=1), *same.T):
+        first, end = stretches(repeated)
+        length = end - first
+        long = length >= max(REPEATS, round(REPEATS_S / step))
+        usual = (len(repeated) - length[long].sum() + 1) or 1
+        by_chance = (repeated.sum() - length[long].sum() + 1) / usual
+        for a, b in zip(first[long], end[long], strict=True):
+            likely = len(values) * by_chance ** (b - a)
+            rests = resting[a : b + 1].mean() > 0.5
+            if (
+                by_chance < COARSE
+                and likely < CHANCE
+                and not rests
+                and b - a < OWN_SHARE * len(values)
+            ):
+                out[a + 1 : b + 1] = True
+    return out
+
+
+def _clipped(values: Array) -> Mask:
+    """Samples (N,) at a ceiling that the data pile up at."""
+    out = np.zeros(len(values), bool)
+    for x in values.T:
+        for side in (x, -x):
+            top = float(side.max())
+            at = side == top
+            reach = top - float(np.median(side))
+            if at.sum() < CEILING or at.mean() > FEW**0.5 or reach <= 0:
+                continue
+            below = np.unique(side[(side < top) & (side > top - 0.2 * reach)], return_counts=True)[
+                1
+            ]
+            if at.sum() > PILED * (below[-5:].mean() if len(below) else 1.0):
+                out |= at
+    return out

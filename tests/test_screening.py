@@ -1,0 +1,109 @@
+"""Samples that are no measurement, and those that only look odd."""
+
+import numpy as np
+import pytest
+from runs import shared
+
+from graphnav.common.run import Array, Imu
+from graphnav.inertial.screening import screened
+
+RATES = [10, 100, 1000]
+
+
+def driven(rate: int, noise: float, seed: int, seconds: float = 60.0) -> Imu:
+    """Turns, grades of noise, and a rest."""
+    rng = np.random.default_rng(seed)
+    t = np.arange(1, round(seconds * rate) + 1) / rate
+    moves = np.clip((t - 10) / 2, 0, 1)
+    slow = np.stack([np.sin(2 * np.pi * t / p + rng.uniform(0, 6)) for p in (7.0, 11.0, 5.0)], -1)
+    shake = rng.normal(0, noise, (2, len(t), 3)) * (0.1 + moves[:, None])
+    gyro = 0.2 * slow * moves[:, None] + 0.1 * shake[0]
+    accel = slow * moves[:, None] + shake[1] + [0, 0, 9.8]
+    return Imu(t, np.full(len(t), 1 / rate), gyro, accel)
+
+
+def touched(imu: Imu, resting: Array | None = None) -> dict[tuple[int, str], list[int]]:
+    """Samples by sensor and fault."""
+    still = np.zeros(len(imu.time), bool) if resting is None else resting > 0
+    found = screened(imu, float(imu.dt[0]), still)
+    return {(f.sensor, f.what): np.flatnonzero(f.mask).tolist() for f in found}
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("noise", [1e-4, 0.02, 2.0])
+def test_clean_samples_are_left_alone(rate: int, noise: float) -> None:
+    assert touched(driven(rate, noise, rate)) == {}
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("noise", [1e-3, 0.1])
+def test_a_spike_is_found_on_any_axis(rate: int, noise: float) -> None:
+    for axis in range(6):
+        for size in (20.0, 100.0):
+            imu = driven(rate, noise, 7)
+            k = 40 * rate + axis
+            values = (imu.gyro, imu.accel)[axis // 3]
+            slope = float(np.abs(np.diff(values[:, axis % 3])).max())
+            values[k, axis % 3] += size * max(slope, noise)
+            assert (axis // 3, "a spike") in (found := touched(imu)), (axis, size)
+            assert found[axis // 3, "a spike"] == [k]
+
+
+def test_a_jolt_of_the_vehicle_is_no_spike() -> None:
+    """The wheels lock: one sample of 200 m/s^2, another level and another roughness after it."""
+    imu = driven(100, 0.05, 3)
+    imu.accel[3000, 1] -= 200.0
+    imu.accel[3001:, :] += np.random.default_rng(0).normal(0, 0.5, (len(imu.time) - 3001, 3))
+    imu.accel[3001:, 1] += 1.5
+    assert touched(imu) == {}
+
+
+def test_absurd_numbers_are_no_samples() -> None:
+    imu = driven(100, 0.05, 3)
+    imu.gyro[1234, 1], imu.accel[2345] = 1e300, -np.inf
+    assert touched(imu) == {(0, "out of any range"): [1234], (1, "out of any range"): [2345]}
+
+
+def test_another_unit_is_no_fault_of_samples() -> None:
+    imu = driven(100, 0.05, 3)
+    assert (0, "out of any range") not in touched(Imu(imu.time, imu.dt, imu.gyro * 1e4, imu.accel))
+
+
+@pytest.mark.parametrize("value", ["held", "zero"])
+@pytest.mark.parametrize("axis", [0, 2, slice(None)])
+def test_a_stuck_sensor_is_found(value: str, axis: int | slice) -> None:
+    imu = driven(100, 0.05, 5)
+    imu.gyro[3000:4000, axis] = imu.gyro[3000, axis] if value == "held" else 0.0
+    found = touched(imu)[0, "stuck"]
+    assert set(range(3001, 4000)) <= set(found) <= set(range(3000, 4000))
+
+
+def test_coarse_samples_at_rest_are_not_stuck() -> None:
+    imu = driven(100, 0.02, 6)
+    coarse = Imu(imu.time, imu.dt, np.round(imu.gyro, 2), np.round(imu.accel, 1))
+    assert touched(coarse, (imu.time < 10).astype(float)) == {}
+
+
+def test_an_axis_that_was_not_recorded_is_not_stuck() -> None:
+    imu = driven(100, 0.05, 5)
+    imu.gyro[:, :2] = 0.0
+    assert touched(imu) == {}
+
+
+def test_clipped_samples_are_found() -> None:
+    imu = driven(100, 0.3, 5)
+    high = imu.accel[:, 1] > 1.4
+    imu.accel[high, 1] = 1.4
+    assert touched(imu)[1, "clipped"] == np.flatnonzero(high).tolist()
+
+
+@pytest.mark.parametrize("name", ["sim_tracked", "sim_rlg", "sim_mimu", "kingston2008", "husky"])
+def test_recorded_and_simulated_runs_are_left_alone(name: str) -> None:
+    """Fewer than one sample in a million of clean runs, jolts of locking wheels among them."""
+    from graphnav.inertial.measured import measured
+    from graphnav.reading.read import read_run
+    from graphnav.reading.vehicle_file import load_vehicle
+
+    path = shared(name)
+    run = read_run(path, load_vehicle(None, path))
+    assert measured(run) is run
