@@ -60,3 +60,12 @@ def test_lateral_speed_has_the_sign_and_bound_of_a17() -> None:
         v_x = row.lateral(np.array([0.3, -0.3]), VEHICLE.contact_length)
         assert v_x[0] <= 0 <= v_x[1]
         assert v_x[0] == -v_x[1]
+
+
+def test_the_turning_centre_lies_where_track_friction_holds_it() -> None:
+    """|kappa| = a_c / (2 mu g): at 1.4 m/s^2 on concrete (mu 0.7), with room for its sign."""
+    turning = [row for row in TABLE.values() if row.state.startswith("turn")]
+    for row in turning:
+        assert row.kappa == pytest.approx(1.4 / (2 * 0.7 * 9.81), abs=0.005)
+        assert row.kappa < row.kappa_sd < 2 * row.kappa
+    assert {row.kappa for row in TABLE.values() if row not in turning} == {0.0}

@@ -1,8 +1,10 @@
-"""Deviations between nodes: inside a gap of the IMU nobody knows what the vehicle did."""
+"""Deviations at nodes and between them: inside a gap of the IMU nobody knows what the vehicle did."""
 
 import numpy as np
+import pytest
 
-from graphnav.result.trajectory import _astray
+from graphnav.common.angles import angles_of_rotation, rotation_of_angles
+from graphnav.result.trajectory import _astray, deviations
 
 
 def test_a_gap_opens_the_deviations_as_a_tied_random_walk_would() -> None:
@@ -31,3 +33,29 @@ def test_a_gap_opens_the_deviations_as_a_tied_random_walk_would() -> None:
 def test_without_gaps_nothing_is_added() -> None:
     assert not np.any(_astray(np.arange(10.0), None))
     assert not np.any(_astray(np.arange(10.0), np.zeros((0, 4))))
+
+
+@pytest.mark.parametrize("heading", [0.0, 0.5, 2.0, 4.0])
+def test_deviations_of_the_angles_are_those_of_drawn_attitudes(heading: float) -> None:
+    """Roll, pitch and heading each have a deviation of their own, whatever the course."""
+    rng = np.random.default_rng(4)
+    sd = np.array([3e-3, 1e-3, 2e-3])  # rad, about right, forward, up
+    R_nb = rotation_of_angles(0.02, 0.05, heading)[None]
+    covariance = np.zeros((1, 9, 9))
+    covariance[0] = np.diag([*sd**2, 1, 4, 9, 4, 25, 9])
+    covariance[0, 6, 7] = covariance[0, 7, 6] = -6.0
+    found = deviations(covariance, R_nb)
+    small = sd * rng.normal(size=(20000, 3))
+    drawn = np.stack(angles_of_rotation(R_nb @ (np.eye(3) + skews(small))), -1)
+    off = np.angle(np.exp(1j * (drawn - np.stack(angles_of_rotation(R_nb), -1))))
+    np.testing.assert_allclose(found.angles[0], off.std(axis=0), rtol=0.03)
+    np.testing.assert_allclose(found.velocity[0], [1, 2, 3])
+    np.testing.assert_allclose(found.position[0], [2, 5, 3])
+    np.testing.assert_allclose(found.correlation_en, -0.6)
+
+
+def skews(v: np.ndarray) -> np.ndarray:
+    """Cross product matrices of (n, 3)."""
+    x, y, z = v.T
+    o = np.zeros(len(v))
+    return np.stack([o, -z, y, z, o, -x, -y, x, o], -1).reshape(-1, 3, 3)
