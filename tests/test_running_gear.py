@@ -10,6 +10,8 @@ from runs import VEHICLE, driven, saved
 from factors import kinds
 from factors.block import NODE_DIM, Block, Term
 from factors.calibration import Component, Layout, walk
+from factors.displacement import phase_prior
+from factors.estimate import Estimate
 from graphnav.batch.first_path import first_path
 from graphnav.graph.assembly import stacked
 from graphnav.graph.nodes import Nodes, place_nodes
@@ -84,6 +86,14 @@ def test_a_random_walk_grows_with_the_root_of_time() -> None:
     value = np.array([[1.0], [1.2], [1.6]])
     (block,) = walk(layout, value, np.array([0.0, 1.0, 5.0]), ())
     np.testing.assert_allclose(block.residual[:, 0], [2.0, 2.0])  # 0.2 in 1 s, 0.4 in 4 s
+
+
+def test_a_counters_phase_is_uniform_within_a_pulse() -> None:
+    drawn = np.random.default_rng(0).uniform(-0.01, 0.01, 20000)
+    none = np.zeros((len(drawn), 3))
+    at = Estimate(np.zeros((len(drawn), 3, 3)), none, none, drawn, np.zeros((1, 1)))
+    block = phase_prior(0.02, np.zeros(len(drawn)), at)
+    assert block.residual.std() == pytest.approx(1.0, abs=0.01)
 
 
 def block_on(node: tuple[int, ...], segment: int | None) -> Block:

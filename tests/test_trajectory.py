@@ -1,4 +1,4 @@
-"""Deviations at nodes and between them: inside a gap of the IMU nobody knows what the vehicle did."""
+"""Deviations at nodes and between them: nobody knows what happened in a gap of the IMU."""
 
 import numpy as np
 import pytest
