@@ -18,7 +18,7 @@ from factors.block import Array, Block, Index, Term
 GYRO_BIAS, ACCEL_BIAS = "gyro_bias", "accel_bias"  # rad/s, m/s^2, body axes; neighbours
 SCALE, MOUNTING, LEVER = "scale", "mounting", "lever"  # odometer: 1; pitch, heading; m, body
 DELAY, CORNERING, TRACK_WIDTH = "delay", "cornering", "track_width"  # s; s; m
-ANTENNA, GNSS_OFFSET = "antenna", "gnss_offset"  # m, body; m, n
+ANTENNA, GNSS_OFFSET, GNSS_DELAY = "antenna", "gnss_offset", "gnss_delay"  # m, body; m, n; s
 SLIP_COEFFICIENT, SIDE_SLIP, YAW_SLIP, TOE = "slip_coefficient", "side_slip", "yaw_slip", "toe"
 
 

@@ -7,6 +7,7 @@ from factors.calibration import (
     ANTENNA,
     CORNERING,
     DELAY,
+    GNSS_DELAY,
     GNSS_OFFSET,
     GYRO_BIAS,
     LEVER,
@@ -22,6 +23,7 @@ from graphnav.result.solved import Calibrated
 
 XYZ = ("x", "y", "z")
 DEG = np.deg2rad(1.0)
+LATE_S = 0.05  # of fixes, that is worth telling
 
 
 def calibrated(smoothed: Smoothed) -> list[Calibrated]:
@@ -67,6 +69,8 @@ def calibrated(smoothed: Smoothed) -> list[Calibrated]:
     if ANTENNA in layout.slices:
         add("antenna_lever_arm_m", "m", XYZ, of(ANTENNA), 1.0)
         add("gnss_offset_m", "m", ("east", "north", "up"), of(GNSS_OFFSET), 1.0)
+    if GNSS_DELAY in layout.slices:
+        add("gnss_time_offset_s", "s", ("fixes",), of(GNSS_DELAY), 1.0)
     if TRACK_WIDTH in layout.slices:
         add("effective_track_width_m", "m", ("width",), of(TRACK_WIDTH), 1.0)
     driven = set(smoothed.problem.state)
@@ -97,6 +101,11 @@ def verdicts(found: list[Calibrated]) -> list[str]:
         if late and c.observable[0]:
             said.append(
                 f"odometer clock off by {1e3 * c.value[0, 0]:.0f} +- {1e3 * c.sd[0, 0]:.0f} ms"
+            )
+        if c.name == "gnss_time_offset_s" and abs(c.value[0, 0]) > max(LATE_S, 3 * c.sd[0, 0]):
+            late, sd = float(c.value[0, 0]), float(c.sd[0, 0])
+            said.append(
+                f"fixes come {abs(late):.2f} +- {sd:.2f} s {'late' if late > 0 else 'early'}"
             )
         hidden = [p for p, seen in zip(c.components, c.observable, strict=True) if not seen]
         if hidden and c.name in ("mounting_deg", "lever_arm_m", "forward_factor", "time_offset_s"):

@@ -7,6 +7,7 @@ from factors.calibration import (
     ANTENNA,
     CORNERING,
     DELAY,
+    GNSS_DELAY,
     GNSS_OFFSET,
     GYRO_BIAS,
     LEVER,
@@ -32,6 +33,7 @@ BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hou
 CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
 REFERENCE = ("straight_high", "moving")
 WIDTH_RATIO, WIDTH_RATIO_SD = 1.5, 0.6  # effective over geometric track width of a skidding vehicle
+SEARCHED_SD_S = 0.3  # of a delay sought before the solve
 COMMON_OFFSET = 0.3  # of a fix's sd: what all fixes of a run have in common
 SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
 
@@ -42,11 +44,13 @@ def layout(
     gnss: Gnss | None,
     two_sided: bool = False,
     gyro_bias: Array | None = None,
+    fix_delay: float = 0.0,
 ) -> Layout:
     """The calibration vector: biases, scale, mounting, lever arm, delay, and the ground by state.
 
-    With fixes in use also the antenna's lever arm and their common offset. A `gyro_bias` (3,) rad/s
-    that the alignment has found far outside its prior widens it.
+    With fixes in use also the antenna's lever arm, their common offset and their delay, which is
+    expected to be `fix_delay` s. A `gyro_bias` (3,) rad/s that the alignment has found far outside
+    its prior widens it.
     """
     odometer = vehicle.odometer
     mount_sd = np.deg2rad(odometer.mount_sd_deg)
@@ -75,7 +79,7 @@ def layout(
         gauge = vehicle.body.track_gauge
         width = Component(TRACK_WIDTH, _one(WIDTH_RATIO * gauge), _one(WIDTH_RATIO_SD * gauge))
         components.append(width)
-    return Layout((*components, *gnss_components(vehicle, gnss)))
+    return Layout((*components, *gnss_components(vehicle, gnss, fix_delay)))
 
 
 def bias_components(
@@ -93,16 +97,21 @@ def bias_components(
     )
 
 
-def gnss_components(vehicle: Vehicle, gnss: Gnss | None) -> list[Component]:
-    """Antenna lever arm and common offset, where fixes are in use."""
+def gnss_components(vehicle: Vehicle, gnss: Gnss | None, delay: float = 0.0) -> list[Component]:
+    """Antenna lever arm, common offset and delay (`delay` s expected), where fixes are in use."""
     if gnss is None:
         return []
     spec = vehicle.gnss
     common = COMMON_OFFSET * np.median(gnss.sd_enu, 0)
-    return [
+    found = [
         Component(ANTENNA, spec.lever_b, np.full(3, spec.lever_arm_sd)),
         Component(GNSS_OFFSET, np.zeros(3), common),
     ]
+    if spec.time_offset_sd_s > 0:
+        searched = delay != (spec.time_offset_s or 0.0)
+        sd = np.hypot(spec.time_offset_sd_s, SEARCHED_SD_S if searched else 0.0)
+        found.append(Component(GNSS_DELAY, _one(delay), _one(float(sd))))
+    return found
 
 
 def _one(x: float) -> Array:

@@ -44,12 +44,7 @@ def densify(
     starts from rest and ends with the gap's velocity.
     """
     owner = interval_of_increment(nodes.edge)
-    dt = np.diff(inc.edge)
-    bias = pre.bias[owner]
-    a = so3.mv(pre.C[:-1], inc.velocity - bias[:, ACCEL] * dt[:, None])
-    inside = so3.mv(pre.C[:-1], inc.position - 0.5 * bias[:, ACCEL] * (dt * dt)[:, None])
-    V = _running(a, nodes.edge, owner)
-    P = _running((V - a) * dt[:, None] + inside, nodes.edge, owner)
+    _, _, V, P = inside_intervals(inc, pre, nodes.edge)
     C = pre.C[1:].copy()  # at the end of each increment
     ends = nodes.edge[1:]
     C[ends - 1] = pre.dR
@@ -82,6 +77,21 @@ def densify(
         v_n=np.concatenate([estimate.v_n[:1], v + rise_v * gap_p + slope_v * gap_v]),
         p_n=np.concatenate([estimate.p_n[:1], p + rise * gap_p + slope * T * gap_v]),
     )
+
+
+def inside_intervals(
+    inc: Increments, pre: Preintegrated, nodes: Index
+) -> tuple[Array, Array, Array, Array]:
+    """Specific force integrated since the node before, in its body frame, (M, 3) each: every
+    increment's own velocity and position, and both summed at the increment's end.
+    """
+    owner = interval_of_increment(nodes)
+    dt = np.diff(inc.edge)[:, None]
+    bias = pre.bias[owner, ACCEL]
+    own = so3.mv(pre.C[:-1], inc.velocity - bias * dt)
+    inside = so3.mv(pre.C[:-1], inc.position - 0.5 * bias * dt * dt)
+    V = _running(own, nodes, owner)
+    return own, inside, V, _running((V - own) * dt + inside, nodes, owner)
 
 
 def _running(x: Array, edge: Index, owner: Index) -> Array:

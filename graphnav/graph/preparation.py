@@ -9,10 +9,11 @@ from factors.calibration import Layout
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from graphnav.common.earth import G_STANDARD, Origin
 from graphnav.common.errors import InputError
-from graphnav.common.run import Array, Gnss, Run
+from graphnav.common.run import Array, Gnss, Odometer, Run
 from graphnav.graph import calibrations
 from graphnav.graph.nodes import INTERVAL_S
 from graphnav.inertial.alignment import Alignment, align
+from graphnav.inertial.fix_delay import found_delay
 from graphnav.inertial.increments import GRID_S, increments
 from graphnav.inertial.reckoning import inertial_path
 from graphnav.inertial.standstill import (
@@ -44,6 +45,7 @@ class Setup:
     layout: Layout
     two_sided: bool = False  # both sides of a skidding vehicle are recorded
     interval: float = INTERVAL_S  # s between nodes
+    fix_delay: float = 0.0  # s, taken off the stamps of the fixes beforehand
 
     @property
     def params(self) -> VehicleParams:
@@ -93,7 +95,7 @@ def prepare(
     if run.imu is None:
         raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
     inc = increments(run.imu, min(GRID_S, 1 / rate_hz))
-    gnss = in_use(run, vehicle, use_gnss, outages)
+    gnss, delay = punctual(in_use(run, vehicle, use_gnss, outages), vehicle, inc, run.odometer)
     used = replace(run, gnss=gnss)
     still = standing(inc, run.odometer)
     rests = spans(still, inc.edge)
@@ -107,9 +109,10 @@ def prepare(
     table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
     noise = inertial_noise(vehicle)
     fixes = fixes_in(alignment.origin, gnss)
-    layout = calibrations.layout(vehicle, table, gnss, two_sided(run, vehicle), alignment.gyro_bias)
+    both, bias = two_sided(run, vehicle), alignment.gyro_bias
+    layout = calibrations.layout(vehicle, table, gnss, both, bias, delay)
     rock = rocking(inc, rests, noise.gyro)
-    setup = Setup(vehicle, noise, alignment, table, layout, two_sided(run, vehicle), interval)
+    setup = Setup(vehicle, noise, alignment, table, layout, both, interval, delay)
     return Prepared(setup, Sensed(used, inc, still, rests, fixes, rock))
 
 
@@ -118,6 +121,20 @@ def fixes_in(origin: Origin, gnss: Gnss | None) -> Array:
     if gnss is None:
         return np.zeros((0, 3))
     return origin.local(np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height)
+
+
+def punctual(
+    gnss: Gnss | None, vehicle: Vehicle, inc: Increments, odometer: Odometer | None
+) -> tuple[Gnss | None, float]:
+    """The fixes with their delay [s], stated or found, taken off their stamps; and that delay."""
+    if gnss is None:
+        return None, 0.0
+    delay = vehicle.gnss.time_offset_s or 0.0
+    on_time = replace(gnss, time=gnss.time - delay)
+    if vehicle.gnss.time_offset_sd_s > 0:
+        more = found_delay(inc, odometer, on_time)
+        delay, on_time = delay + more, replace(on_time, time=on_time.time - more)
+    return on_time, delay
 
 
 def inertial_noise(vehicle: Vehicle) -> InertialNoise:

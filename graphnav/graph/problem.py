@@ -11,23 +11,20 @@ from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
 from factors.heading import heading
 from factors.inertial import EarthField, inertial
-from factors.position import AXES as FIX_AXES
-from factors.position import Fixes, position
 from factors.preintegration import Preintegrated, interval_of_increment, preintegrate
 from factors.standstill import StandstillNoise, standstill
 from factors.start import start
 from graphnav.common.earth import Origin
-from graphnav.common.run import Array, Gnss
 from graphnav.graph.elimination import Chain
 from graphnav.graph.motion import Factor, Round, Scales, States, motion_factors
 from graphnav.graph.nodes import Nodes, nearest_node
 from graphnav.graph.preparation import Prepared
+from graphnav.graph.satellite_fixes import satellite_fixes
 from graphnav.recognition.timeline import Timeline
 
 STILL_VELOCITY, STILL_POSITION = 2e-3, 1e-3  # m/s, m
 STILL_ROTATION = 1e-9  # rad, at least
-FIX_REACH_S = 0.3  # a fix further from every node is left out
-FIX_SD = 0.05  # m, no fix is believed further
+HEADING_REACH_S = 0.3  # a heading further from every node is left out
 HEADING_SD = np.deg2rad(1.0)
 
 
@@ -68,9 +65,8 @@ def build(
     moving = np.setdiff1d(np.arange(len(seg)), resting)
     motion, groups = motion_factors(Round(prep, nodes, pre, state, at, scales), moving)
     factors.extend(motion)
-    gnss = prep.sensed.gnss
-    if gnss is not None:
-        fixes = gnss_factor(gnss, prep.sensed.fixes_n, setup.layout, nodes, scales)
+    if prep.sensed.gnss is not None:
+        fixes = satellite_fixes(prep, nodes, pre, resting, at, scales)
         factors.append(fixes)
         groups[kinds.GNSS] = np.full(len(fixes(at)[0].time), "")
     if prep.sensed.run.heading is not None:
@@ -111,23 +107,11 @@ def _standstill(prep: Prepared, nodes: Nodes, resting: Index) -> Factor:
     return lambda x: [standstill(noise, scope, x)] if len(resting) else []
 
 
-def gnss_factor(gnss: Gnss, fixes_n: Array, layout: Layout, nodes: Nodes, scales: Scales) -> Factor:
-    """Fixes (F, 3) m in n, each at its nearest node; of several near one node the closest."""
-    node, dt = nearest_node(nodes, gnss.time)
-    order = np.lexsort((np.abs(dt), node))
-    pick = np.sort(order[np.unique(node[order], return_index=True)[1]])
-    pick = pick[np.abs(dt[pick]) < FIX_REACH_S]
-    factor_of = np.array([scales.get(f"{kinds.GNSS}::{axis}", 1.0) for axis in FIX_AXES])
-    sigma = np.maximum(gnss.sd_enu[pick], FIX_SD) * factor_of
-    fixes, scope = Fixes(fixes_n[pick], sigma, dt[pick]), nodes.at(node[pick], gnss.time[pick])
-    return lambda x: [position(fixes, layout, scope, x)]
-
-
 def _heading(prep: Prepared, nodes: Nodes) -> Factor:
     sensed = prep.sensed.run.heading
     assert sensed is not None
     node, dt = nearest_node(nodes, sensed.time)
-    pick = np.flatnonzero(np.abs(dt) < FIX_REACH_S)
+    pick = np.flatnonzero(np.abs(dt) < HEADING_REACH_S)
     value, scope = sensed.heading[pick], nodes.at(node[pick], sensed.time[pick])
     sigma = np.full(len(pick), HEADING_SD)
     return lambda x: [heading(value, sigma, scope, x)]

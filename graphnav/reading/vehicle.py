@@ -153,6 +153,10 @@ class GnssSpec(Section):
         "1 sigma of each component", "m", sharper_if("lever_arm", 0.05, 1.0)
     )
     sd: Positive = key("1 sigma of fixes that state none", "m", 5.0)
+    time_offset_s: Number | None = key("by how much fixes are stamped late", "s")
+    time_offset_sd_s: NotNegative = key(
+        "1 sigma of it; 0 holds it", "s", sharper_if("time_offset_s", 0.05, 0.1)
+    )
 
     @property
     def lever_b(self) -> Array:

@@ -33,7 +33,8 @@ from graphnav.graph.calibrations import bias_components, gnss_components
 from graphnav.graph.elimination import Chain
 from graphnav.graph.nodes import Nodes, near_fixes, nearest_node, place_nodes
 from graphnav.graph.preparation import fixes_in, inertial_noise
-from graphnav.graph.problem import gnss_factor, inertial_factor
+from graphnav.graph.problem import inertial_factor
+from graphnav.graph.satellite_fixes import fixes_on_smooth_path
 from graphnav.inertial.alignment import first_position, frame_origin
 from graphnav.inertial.increments import increments
 from graphnav.reading.vehicle import Vehicle
@@ -156,7 +157,7 @@ def build(problem: RoverProblem, at: Estimate, found: list[WheelTrack]) -> list[
         factors.append(_heading(problem))
     if problem.run.gnss is not None:
         fixes_n = fixes_in(problem.origin, problem.run.gnss)
-        factors.append(gnss_factor(problem.run.gnss, fixes_n, layout, problem.nodes, {}))
+        factors.append(fixes_on_smooth_path(problem.run.gnss, fixes_n, layout, problem.nodes))
     factors.append(lambda x: [terrain_slip(track, layout, x) for track in found])
     return factors
 

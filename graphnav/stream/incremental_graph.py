@@ -29,13 +29,15 @@ from graphnav.graph.nodes import room_of
 from graphnav.graph.noise import rescaled
 from graphnav.graph.problem import Problem
 from graphnav.graph.robust_schedule import FIRST
+from graphnav.graph.satellite_fixes import NODE_SLACK_S
 from graphnav.graph.solve import square_root
-from graphnav.stream.aiding import Aid
 from graphnav.stream.isam import Tree
 from graphnav.stream.node_log import NodeLog
 
 BACK_S = 20.0  # s of the newest nodes that are linearised anew
 GROWTH, FIRST_GROWTH = 2.0, 60  # of the run's length between relinearisations of all; nodes
+LONGEST_BACK_S = 28.0  # where fixes come late
+LATE_EVERY_S = 3.0  # between looks back then
 KEPT_S = 30.0  # s of nodes that stay in the tree, at least: BACK_S and more
 # of the assumed noise, at least: a quiet beginning must not talk the fixes away later; and what
 # a receiver says of its fixes is kept
@@ -62,7 +64,7 @@ class IncrementalGraph:
         """
         self.log, self._lag = log, lag
         setup = log.setup
-        self.every = max(1, round(every_s / setup.interval))  # nodes
+        self._every = max(1, round(every_s / setup.interval))  # nodes
         self._kept = round((KEPT_S + (lag or 0.0)) / room_of(setup.interval))
         self._R, self._v, self._p, self._phase = (
             GrowingArray(3, 3),
@@ -85,6 +87,13 @@ class IncrementalGraph:
     @property
     def _tapes(self) -> tuple[GrowingArray, ...]:
         return self._R, self._v, self._p, self._phase, self._c
+
+    @property
+    def every(self) -> int:
+        """Nodes between looks back at the newest; fixes that come late wait for one."""
+        late = self.log.setup.fix_delay > NODE_SLACK_S
+        soon = max(1, round(LATE_EVERY_S / self.log.setup.interval))
+        return min(self._every, soon) if late else self._every
 
     @property
     def last(self) -> int:
@@ -135,7 +144,8 @@ class IncrementalGraph:
             c = self._tree.segments(seg.start, seg.stop) if n else self._c.rows * 0.0
             return Window(n, self.base(n, n).retract(x, c), x, c)
         time = self.log.time.rows
-        return self._since(int(np.searchsorted(time, time[-1] - BACK_S)))
+        back = min(BACK_S + self.log.setup.fix_delay, LONGEST_BACK_S)
+        return self._since(int(np.searchsorted(time, time[-1] - back)))
 
     def _since(self, first: int) -> Window:
         """The nodes from `first` on, as far as the lag goes back."""
@@ -145,9 +155,7 @@ class IncrementalGraph:
         x, c = self._tree.everything() if first == 0 else self._error(first, self.last)
         return Window(first, self.base(first, self.last).retract(x, c), x, c)
 
-    def grow(
-        self, edges: Sequence[int], state: str, aids: Sequence[Aid], window: Window
-    ) -> Iterator[int]:
+    def grow(self, edges: Sequence[int], state: str, window: Window) -> Iterator[int]:
         """Nodes at `edges`, predicted by the IMU and tied to the nodes before by every factor.
 
         They are linearised together, the window's along with them, and enter iSAM2 one by one:
@@ -156,8 +164,8 @@ class IncrementalGraph:
         n, first, known = self.last, window.first, window.estimate
         before = len(self._c) - 1
         ties = []
-        for edge, aid in zip(edges, aids, strict=True):
-            new = self.log.extend(edge, state, aid)
+        for edge in edges:
+            new = self.log.extend(edge, state)
             ties.append(self._tie(known.calibration[-1:], new))
         problem = self.log.problem(first, self.last, self._ahead(known, n, None))
         estimate = self._ahead(known, n, problem.pre)

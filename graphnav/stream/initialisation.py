@@ -1,5 +1,6 @@
 """When a stream has seen enough to align, and with what."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +12,7 @@ from graphnav.graph.preparation import (
     Setup,
     inertial_noise,
     params,
+    punctual,
     standing_start,
     two_sided,
 )
@@ -67,7 +69,9 @@ class Initialisation:
         if waits and self._waits(run, rested, until):
             return None
         try:
-            setup = self._setup(run, align(run, self._vehicle, inc, rested))
+            gnss, delay = punctual(run.gnss, self._vehicle, inc, run.odometer)
+            run = replace(run, gnss=gnss)
+            setup = self._setup(run, align(run, self._vehicle, inc, rested), delay)
         except InputError as error:
             self.why = error
             return None
@@ -101,13 +105,14 @@ class Initialisation:
             rover=None,
         )
 
-    def _setup(self, run: Run, alignment: Alignment) -> Setup:
+    def _setup(self, run: Run, alignment: Alignment, delay: float) -> Setup:
         """What holds for the whole stream."""
         gnss, vehicle = run.gnss, self._vehicle
         both = two_sided(run, vehicle)
         table = self._table or correction_table(params(vehicle, both))
         if gnss is None and self._expects_fixes:
             gnss = usual_fix(vehicle.gnss.sd)
-        layout = calibrations.layout(vehicle, table, gnss, both, alignment.gyro_bias)
+        layout = calibrations.layout(vehicle, table, gnss, both, alignment.gyro_bias, delay)
         noise = inertial_noise(vehicle)
-        return Setup(vehicle, noise, alignment, table, layout, both, self._interval)
+        interval = self._interval
+        return Setup(vehicle, noise, alignment, table, layout, both, interval, delay)

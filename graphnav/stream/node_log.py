@@ -1,5 +1,6 @@
 """The nodes of a stream so far: where they stand, and what the sensors said between them."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -7,21 +8,22 @@ import numpy as np
 from factors.block import Index
 from factors.estimate import Estimate
 from graphnav.common.growing_array import GrowingArray
-from graphnav.common.run import Run
+from graphnav.common.run import ExternalHeading, Run
 from graphnav.graph.nodes import SEGMENT_S, Nodes
-from graphnav.graph.preparation import Prepared, Sensed, Setup
+from graphnav.graph.preparation import Prepared, Sensed, Setup, fixes_in
 from graphnav.graph.problem import Problem, build
+from graphnav.graph.satellite_fixes import NODE_SLACK_S, carried_with
 from graphnav.inertial.standstill import spans
 from graphnav.recognition.timeline import Timeline
-from graphnav.stream.aiding import Aid, joined
+from graphnav.stream.aiding import Aiding, joined
 from graphnav.stream.intake import Sensors
 
 
 class NodeLog:
     """Nodes 0 to `last` with their intervals' motion states and calibration segments."""
 
-    def __init__(self, setup: Setup, sensors: Sensors) -> None:
-        self.setup, self._sensors = setup, sensors
+    def __init__(self, setup: Setup, sensors: Sensors, aiding: Aiding) -> None:
+        self.setup, self._sensors, self._aiding = setup, sensors, aiding
         self.rocking = np.zeros(3)  # rad, how far the standing vehicle rocks
         self.edge, self.time = GrowingArray(), GrowingArray()
         self.segment, self.segment_time = (
@@ -30,8 +32,8 @@ class NodeLog:
         )  # of each interval; of each segment
         self.states: list[str] = []  # of each interval
         self.scales: dict[str, float] = {}  # noise found so far over noise assumed
-        self._aids: list[Aid] = []  # of each node
-        self._place(0, Aid())
+        self._headings: list[ExternalHeading | None] = []  # of each node
+        self._place(0)
         self.segment_time.push(float(self.time.rows[0]) + 0.5 * SEGMENT_S)
 
     @property
@@ -39,7 +41,7 @@ class NodeLog:
         """Number of the newest node."""
         return len(self.time) - 1
 
-    def extend(self, edge: int, state: str, aid: Aid) -> bool:
+    def extend(self, edge: int, state: str) -> bool:
         """A node at an edge; whether a new calibration segment begins with its interval."""
         start = float(self.time.rows[0])
         number = (float(self.time.rows[-1]) - start + 1e-6) // SEGMENT_S
@@ -49,13 +51,15 @@ class NodeLog:
             self.segment_time.push(middle)
         self.segment.push(len(self.segment_time) - 1)
         self.states.append(state)
-        self._place(edge, aid)
+        self._place(edge)
         return new
 
-    def _place(self, edge: int, aid: Aid) -> None:
+    def _place(self, edge: int) -> None:
+        time = float(self._sensors.inertial.edge.rows[edge])
         self.edge.push(edge)
-        self.time.push(self._sensors.inertial.edge.rows[edge])
-        self._aids.append(aid)
+        self.time.push(time)
+        # what was sensed until node 0 went into the alignment
+        self._headings.append(self._aiding.heading_near(time) if self.last else None)
 
     def segments(self, first: int, last: int) -> slice:
         """Segments in force from node `first` to node `last`, or before a single node."""
@@ -81,7 +85,12 @@ class NodeLog:
         nodes, heard = self.nodes(first, last), self._sensors
         a, b = int(self.edge.rows[first]), int(self.edge.rows[last])
         span = float(nodes.time[0]), float(nodes.time[-1])
-        gnss, fixes_n, heading = joined(self._aids[first + 1 if first else 0 : last + 1])
+        heading = joined(self._headings[first + 1 if first else 0 : last + 1])
+        begin = span[0] + NODE_SLACK_S if first else -np.inf
+        heard_by = float(self.time.rows[-1]) + NODE_SLACK_S
+        delay = self.setup.fix_delay
+        gnss = self._aiding.fixes(begin, span[1] + NODE_SLACK_S, heard_by, delay)
+        fixes_n = fixes_in(self.setup.alignment.origin, gnss)
         run = Run(
             path=Path("stream"),
             clock_start=0.0,
@@ -100,6 +109,8 @@ class NodeLog:
 
     def problem(self, first: int, last: int, at: Estimate) -> Problem:
         """The batch's factors between two nodes, increments integrated with the biases of `at`."""
+        delay = carried_with(self.setup, at)
+        self.setup = replace(self.setup, fix_delay=delay)
         prep, nodes = self.sensed(first, last)
         t, names = nodes.time, np.array(self.states[first:last])
         return build(

@@ -99,13 +99,13 @@ def replayed(prep: Prepared, lag: float | None, piece: float = PIECE_S) -> Smoot
         clock=0.0,
     )
     for start, end in pairwise(np.arange(-piece, run.end + piece, piece).tolist()):
-        _give(stream, run, start, end)
+        _give(stream, run, prep.setup.fix_delay, start, end)
     stream.finish()
     return stream
 
 
-def _give(stream: Smoother, run: Run, start: float, end: float) -> None:
-    """What every sensor saw in (start, end]."""
+def _give(stream: Smoother, run: Run, late: float, start: float, end: float) -> None:
+    """What every sensor saw in (start, end]; `late` s were taken off the stamps of the fixes."""
 
     def inside(time: Array) -> slice:
         return slice(*np.searchsorted(time, [start, end], side="right").tolist())
@@ -122,9 +122,10 @@ def _give(stream: Smoother, run: Run, start: float, end: float) -> None:
         on = inside(run.sides.time)
         stream.add_sides(run.sides.time[on], run.sides.left[on], run.sides.right[on])
     if gnss is not None:
-        on = inside(gnss.time)
+        stamp = gnss.time + late
+        on = inside(stamp)
         stream.add_gnss(
-            gnss.time[on], gnss.lat_deg[on], gnss.lon_deg[on], gnss.height[on], gnss.sd_enu[on]
+            stamp[on], gnss.lat_deg[on], gnss.lon_deg[on], gnss.height[on], gnss.sd_enu[on]
         )
     if heading is not None:
         on = inside(heading.time)

@@ -233,7 +233,7 @@ class Smoother:
         if setup is not None:
             self._aligned = self._beginning.aligned
             self.graph = IncrementalGraph(
-                NodeLog(setup, self._heard), self._lag, self._states.every_s
+                NodeLog(setup, self._heard, self._aiding), self._lag, self._states.every_s
             )
 
     def _nodes(self, edges: list[int], due: float) -> None:
@@ -242,10 +242,9 @@ class Smoother:
         assert graph is not None
         times = self._heard.inertial.edge.rows[edges]
         self._rocked(edges[0])
-        aids = [self._aiding.near(t, graph.origin) for t in times.tolist()]
         window = graph.window()
         self._states.follow(graph, window)
-        growing = graph.grow(edges, self._states.now, aids, window)
+        growing = graph.grow(edges, self._states.now, window)
         found, marks = [], [due]
         for node, t in zip(growing, times, strict=True):
             newest = self._known(node)
