@@ -20,7 +20,7 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return read_run(path, load_vehicle(None, path))
 
 
-@pytest.mark.parametrize("delay", [0.0, 0.1, 2.0, -3.0, 18.0])
+@pytest.mark.parametrize("delay", [0.0, 0.1, -3.0, 5.0, 18.0])
 def test_a_delay_is_found_before_the_solve(run: Run, delay: float) -> None:
     assert run.imu is not None and run.gnss is not None
     late = replace(run.gnss, time=run.gnss.time + delay)
