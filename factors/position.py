@@ -65,8 +65,8 @@ def position(fixes: Fixes, layout: Layout, scope: Scope, x: Estimate) -> Block:
     """
     by, i, c = fixes.carried, scope.node, x.calibration[scope.segment]
     s, R = by.share, x.R_nb[i]
-    lever, column = c[:, layout.slices[ANTENNA]], layout.column(GNSS_DELAY)
-    late = c[:, column] - fixes.delay if column >= 0 else np.zeros(len(i))
+    lever, free = c[:, layout.slices[ANTENNA]], GNSS_DELAY in layout.slices
+    late = c[:, layout.column(GNSS_DELAY)] - fixes.delay if free else np.zeros(len(i))
     a, b = s * s * (3 - 2 * s), by.T * s * s * (s - 1)
     e = by.T * (s - a) - b
     arm = by.swing + so3.mv(by.turn, lever)  # in the body at the node
@@ -87,8 +87,8 @@ def position(fixes: Fixes, layout: Layout, scope: Scope, x: Estimate) -> Block:
         R @ by.turn @ (eye - late[:, None, None] * so3.skew(by.rate))
     )
     J_c[:, :, layout.slices[GNSS_OFFSET]] = eye
-    if column >= 0:
-        J_c[:, :, column] = -v_a
+    if free:
+        J_c[:, :, layout.column(GNSS_DELAY)] = -v_a
     terms = (Term("x", i, J_i), Term("x", i + 1, J_j), Term("c", scope.segment, J_c))
     return whitened(kinds.GNSS, AXES, scope.time, r, fixes.sigma, terms)
 

@@ -59,10 +59,9 @@ def carried_with(setup: Setup, at: Estimate) -> float:
     """The delay [s] to carry fixes with: that of an estimate, unless the one taken off beforehand
     is as good; so that it seldom changes and a stream's fixes stay in their intervals.
     """
-    column = setup.layout.column(GNSS_DELAY)
-    if column < 0:
+    if GNSS_DELAY not in setup.layout.slices:
         return setup.fix_delay
-    delay = float(np.median(at.calibration[:, column]))
+    delay = float(np.median(at.calibration[:, setup.layout.column(GNSS_DELAY)]))
     return delay if abs(delay - setup.fix_delay) > NEAR_S else setup.fix_delay
 
 
