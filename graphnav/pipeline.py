@@ -10,7 +10,7 @@ from graphnav.common.progress import Stages
 from graphnav.common.run import Run
 from graphnav.inertial.measured import measured
 from graphnav.reading.check import check
-from graphnav.reading.outages import Outages, described
+from graphnav.reading.outages import Outages, described, in_use
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle import Vehicle
 from graphnav.reading.vehicle_file import load_vehicle
@@ -77,7 +77,8 @@ def smooth(
         dense = columns
         if options.rate_hz < COMPARED_HZ:
             dense = trajectory.table(solved, COMPARED_HZ)
-        quality = judge(solved, dense, progress)
+        used = replace(run, gnss=in_use(run, vehicle, options.use_gnss, options.outages))
+        quality = judge(solved, dense, used, progress)
         with whole_directory(out) as directory:
             progress("writing")
             judged = Judged(solved, quality, findings, said_of(solved))
@@ -88,12 +89,12 @@ def smooth(
     return quality
 
 
-def judge(solved: Solved, columns: dict[str, Any], progress: Stages) -> Quality:
-    """The result's grade; `columns` of its trajectory."""
+def judge(solved: Solved, columns: dict[str, Any], used: Run, progress: Stages) -> Quality:
+    """The result's grade; `columns` of its trajectory, `used` the run with the fixes in use."""
     from graphnav.batch import judgement
 
     progress("judging")
-    return judgement.judge(solved, columns)
+    return judgement.judge(solved, columns, used)
 
 
 def said_of(solved: Solved) -> list[str]:

@@ -7,6 +7,7 @@ from typing import Any
 from graphnav.common.errors import InputError
 from graphnav.common.progress import Stages
 from graphnav.common.run import Run
+from graphnav.inertial.measured import measured
 from graphnav.pipeline import SmoothOptions, solve
 from graphnav.reading.check import check
 from graphnav.reading.read import read_run
@@ -23,9 +24,9 @@ LEAST_FIXES = 30
 
 def validate(
     run_path: Path,
-    *,
     vehicle_path: Path | None,
     result: Path,
+    *,
     lengths: tuple[float, ...] = LENGTHS_S,
     progress: Stages | None = None,
 ) -> tuple[dict[str, Any], Path]:
@@ -37,7 +38,7 @@ def validate(
     progress = progress or Stages(show=False)
     progress("reading")
     vehicle = load_vehicle(vehicle_path, run_path)
-    run = read_run(run_path, vehicle)
+    run = measured(read_run(run_path, vehicle))
     check(run, vehicle)
     if run.gnss is None or not vehicle.gnss.use or len(run.gnss.time) < LEAST_FIXES:
         raise InputError(f"{run_path}: needs at least {LEAST_FIXES} fixes in use to withhold some")

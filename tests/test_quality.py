@@ -8,8 +8,10 @@ import pandas as pd
 import pytest
 from smoothing import QUICK, changed, command, summary
 
-from graphnav.batch import doubts
+from graphnav.batch import causes, doubts
+from graphnav.batch.hypotheses import hypotheses
 from graphnav.batch.judgement import judge
+from graphnav.common.run import Run
 from graphnav.pipeline import solve
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle_file import load_vehicle
@@ -27,7 +29,7 @@ FIXES = ["gnss_lat", "gnss_lon", "gnss_height"]
 def drive(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A simulated car with fixes."""
     where = tmp_path_factory.mktemp("quality") / "drive"
-    simulate("wheeled", where, 5, grade="mems", duration=150, gnss=True)
+    simulate("wheeled", where, 5, grade="mems", duration=240, gnss=True)
     return where
 
 
@@ -40,7 +42,7 @@ def solved(drive: Path) -> Solved:
 
 
 def grade_of(solved: Solved) -> str:
-    return judge(solved, trajectory.table(solved, 10.0)).grade
+    return judge(solved, trajectory.table(solved, 10.0), solved.run).grade
 
 
 def doubting(solved: Solved, kind: str, share: float) -> Solved:
@@ -81,7 +83,10 @@ def test_a_healthy_run_is_good(solved: Solved) -> None:
         ("displacement", 0.7, "rejected"),
     ],
 )
-def test_what_was_doubted_grades(solved: Solved, kind: str, share: float, grade: str) -> None:
+def test_what_was_doubted_grades(
+    solved: Solved, kind: str, share: float, grade: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle: None)
     assert grade_of(doubting(solved, kind, share)) == grade
 
 
@@ -105,8 +110,13 @@ def test_motion_no_vehicle_has_is_rejected() -> None:
 
 
 def test_a_rejected_result_is_written_and_marked(
-    drive: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    drive: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
+    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle: None)  # tried elsewhere
+
     def backwards(table: pd.DataFrame) -> pd.DataFrame:
         """The fixes of a drive the other way round."""
         on = table["gnss_lat"].notna()
@@ -123,3 +133,34 @@ def test_a_rejected_result_is_written_and_marked(
     assert found["grade"] == "rejected" and found["why"]
     assert "REJECTED" in load(tmp_path / "out").title
     assert pd.read_parquet(tmp_path / "out" / "trajectory.parquet").attrs["quality"] == "rejected"
+
+
+MIRRORED = np.diag([-1.0, 1.0, 1.0])
+TURNED = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def lying(run: Run, turn: np.ndarray) -> Run:
+    """The run with its IMU turned."""
+    assert run.imu is not None
+    imu = replace(run.imu, gyro=run.imu.gyro @ turn.T, accel=run.imu.accel @ turn.T)
+    return replace(run, imu=imu)
+
+
+@pytest.mark.parametrize(
+    ("turn", "why", "remedy"), [(MIRRORED, "x is mirrored", "sign"), (TURNED, "90 deg", '"BRU"')]
+)
+def test_how_an_imu_lies_is_felt_in_bends(
+    solved: Solved, turn: np.ndarray, why: str, remedy: str
+) -> None:
+    first = hypotheses(replace(lying(solved.run, turn), gnss=None), solved.vehicle)[0]
+    assert why in first.why(solved) and remedy in first.remedy(solved)
+
+
+def test_a_cause_is_tried_before_it_is_named(solved: Solved) -> None:
+    found = causes.likeliest(lying(solved.run, TURNED), solved.vehicle)
+    assert found is not None
+    assert "90 deg" in found.why and '"BRU"' in found.remedy
+
+
+def test_a_healthy_run_has_no_cause(solved: Solved) -> None:
+    assert causes.likeliest(solved.run, solved.vehicle) is None

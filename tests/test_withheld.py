@@ -73,7 +73,7 @@ def test_the_command_keeps_what_it_found(drive: Path, capsys: pytest.CaptureFixt
     assert command("smooth", drive, *QUICK) == 0
     kept = drive.parent / "run_graphnav"
     vehicle = drive.parent / "vehicle.toml"
-    said, file = validate(drive, vehicle_path=vehicle, result=kept, lengths=(30.0,))
+    said, file = validate(drive, vehicle, kept, lengths=(30.0,))
     assert file == kept / "validation.json" and json.loads(file.read_text()) == said
     assert command("smooth", drive, *QUICK) == 0  # what validate left is replaced with the rest
 
@@ -82,4 +82,4 @@ def test_a_run_without_fixes_is_refused(drive: Path, tmp_path: Path) -> None:
     text = (drive.parent / "vehicle.toml").read_text()
     (tmp_path / "vehicle.toml").write_text(text.replace("[gnss]", "[gnss]\nuse = false"))
     with pytest.raises(InputError, match="fixes in use"):
-        validate(drive, vehicle_path=tmp_path / "vehicle.toml", result=tmp_path)
+        validate(drive, tmp_path / "vehicle.toml", tmp_path)

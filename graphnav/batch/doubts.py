@@ -149,7 +149,7 @@ def of_calibrations(calibrated: list[Calibrated]) -> list[Doubt]:
         if c.name not in CALIBRATIONS:
             continue
         what, cure = CALIBRATIONS[c.name]
-        sigmas = np.abs(np.median(c.value, axis=0) - c.prior) / np.maximum(c.prior_sd, 1e-12)
+        sigmas = sigmas_off(c)
         for k in np.flatnonzero(sigmas > SURPRISING):
             value = float(np.median(c.value[:, k]))
             found = what.format(value=value, component=c.components[k])
@@ -157,6 +157,11 @@ def of_calibrations(calibrated: list[Calibrated]) -> list[Doubt]:
                 Doubt(1, f"{found}, {sigmas[k]:.0f} of its sigma from what is stated", cure)
             )
     return said
+
+
+def sigmas_off(c: Calibrated) -> Array:
+    """How many of its prior's sigma a calibration lies from it, by component, (d,)."""
+    return np.asarray(np.abs(np.median(c.value, axis=0) - c.prior) / np.maximum(c.prior_sd, 1e-12))
 
 
 def of_start(solved: Solved) -> list[Doubt]:
@@ -200,6 +205,32 @@ def of_inertial_noise(solved: Solved) -> list[Doubt]:
             0,
             f"the IMU is {worst:.0f} times as noisy as its grade or data sheet says",
             "state [imu] grade or its noise as it is when driving",
+        )
+    ]
+
+
+def of_unused_fixes(solved: Solved, columns: dict[str, Array]) -> list[Doubt]:
+    """The path far from fixes that were not used, for what they are worth."""
+    gnss = solved.run.gnss
+    if gnss is None or rows_doubted(solved, kinds.GNSS)[0].size:
+        return []
+    time = columns["time"] - solved.run.clock_start
+    on = (gnss.time >= time[0]) & (gnss.time <= time[-1])
+    if on.sum() < FEW:
+        return []
+    off = [np.interp(gnss.time[on], time, columns[k]) - x
+           for k, x in zip("en", solved.fixes_n[on].T, strict=False)]  # fmt: skip
+    sd = [np.interp(gnss.time[on], time, columns[f"sd_{k}"]) for k in "en"]
+    apart, promised = np.hypot(*off), np.hypot(np.hypot(*sd), np.hypot(*gnss.sd_enu[on, :2].T))
+    sigmas = float(np.median(apart / promised))
+    if sigmas < SURPRISING:
+        return []
+    return [
+        Doubt(
+            1,
+            f"the path lies {distance(float(np.median(apart)))} from the fixes that were not used, "
+            f"{sigmas:.0f} times what it promises",
+            "smooth with the fixes, or check [start] heading_deg, [imu] axes and the odometer",
         )
     ]
 

@@ -2,16 +2,23 @@
 
 import numpy as np
 
-from graphnav.batch import doubts
-from graphnav.common.run import Array
+from graphnav.batch import causes, doubts
+from graphnav.common.run import Array, Run
 from graphnav.reading.plausibility import driving_findings
 from graphnav.result.quality import Doubt, Quality, Spread, graded
 from graphnav.result.solved import Solved
 
 
-def judge(solved: Solved, columns: dict[str, Array]) -> Quality:
-    """The quality of a solved run; `columns` of its trajectory as `trajectory.table` makes them."""
-    return graded(_doubts(solved, columns), *_spreads(columns))
+def judge(solved: Solved, columns: dict[str, Array], used: Run) -> Quality:
+    """The quality of a solved run; `columns` of its trajectory as `trajectory.table` makes them,
+    `used` the run with the fixes in use only."""
+    found = _doubts(solved, columns)
+    if any(d.level for d in found) and used.imu is not None and used.rover is None:
+        cause = causes.likeliest(used, solved.vehicle)
+        if cause is not None:
+            level = max(d.level for d in found)
+            found = [Doubt(level, cause.why, cause.remedy), *found]
+    return graded(found, *_spreads(columns))
 
 
 def _doubts(solved: Solved, columns: dict[str, Array]) -> list[Doubt]:
@@ -21,6 +28,7 @@ def _doubts(solved: Solved, columns: dict[str, Array]) -> list[Doubt]:
         *doubts.of_calibrations(solved.calibrated),
         *(Doubt(1, said) for said in _driving(solved)),
         *doubts.of_factors(solved),
+        *doubts.of_unused_fixes(solved, columns),
         *doubts.of_motion(columns),
         *doubts.of_inertial_noise(solved),
     ]

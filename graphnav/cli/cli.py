@@ -44,8 +44,7 @@ def cli() -> None:
       [vehicle]
       kind = "wheeled"        # or tracked, rover
 
-    Exit status: 0 done, 1 the solution failed, 2 the input or an option is at fault,
-    3 written, but rejected: the sensors contradict each other beyond use.
+    Exit status: 0 done, 1 no solution, 2 input or option at fault, 3 written but rejected.
     """
 
 
@@ -183,8 +182,7 @@ def validate(run: Path, vehicle: Path | None, out: Path | None, lengths: tuple[f
     from graphnav.validation import validate as validated
 
     with Stages() as stages:
-        result = out or default_out(run)
-        said, file = validated(run, vehicle_path=vehicle, result=result, progress=stages)
+        said, file = validated(run, vehicle, out or default_out(run), progress=stages)
     validation_table.show(said["blocks"], run.name)
     click.echo(said["said"])
     click.echo(f"wrote {file}")
