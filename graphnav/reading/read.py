@@ -21,6 +21,7 @@ from graphnav.common.run import (
     SideSpeeds,
 )
 from graphnav.reading.columns import ACCEL, GNSS, GNSS_SD, GYRO, LINKS, SIDES, STEERS, WHEELS
+from graphnav.reading.inertial_rows import inertial
 from graphnav.reading.samples import Rows, Samples, missing_column, read_samples
 from graphnav.reading.table_file import open_table
 from graphnav.reading.vehicle import Vehicle
@@ -47,7 +48,8 @@ class _Reader:
 
 def read_run(path: Path, vehicle: Vehicle) -> Run:
     """The run at `path`. Raises `InputError` (file, line, time, cure) on whatever is malformed."""
-    reader = _Reader(read_samples(open_table(path), vehicle), vehicle)
+    samples = read_samples(open_table(path), vehicle)
+    reader = _Reader(samples, vehicle, list(samples.notes))
     _note_ignored(reader)
     sides = _sides(reader)
     return Run(
@@ -79,17 +81,19 @@ def _imu(reader: _Reader) -> Imu | None:
     samples = reader.samples
     if reader.vehicle.kind == "rover" and not samples.has(GYRO):
         return None
-    rows, values = samples.group(GYRO + ACCEL, "an inertial sample")
-    if len(rows) < 2:
+    found = inertial(samples)
+    if found.note:
+        reader.notes.append(found.note)
+    if len(found.rows) < 2:
         raise InputError(f"{samples.file.path}: fewer than two inertial samples; need {GYRO[0]}...")
-    time = reader.time(rows)
+    time = reader.time(found.rows)
     step = np.diff(time)
     axes = reader.vehicle.imu.axes_matrix
     return Imu(
         time=time,
         dt=np.concatenate([[np.median(step)], step]),
-        gyro=_turned(values[:, :3], axes),
-        accel=_turned(values[:, 3:], axes),
+        gyro=_turned(found.gyro, axes),
+        accel=_turned(found.accel, axes),
     )
 
 
@@ -181,8 +185,6 @@ def _gnss(reader: _Reader) -> Gnss | None:
     if not samples.has(GNSS):
         return None
     rows, fix = samples.group(GNSS, "a GNSS fix")
-    for i in np.flatnonzero((np.abs(fix[:, 0]) > 90) | (np.abs(fix[:, 1]) > 360))[:1]:
-        raise samples.error(int(rows[i]), f"{fix[i, 0]:g}, {fix[i, 1]:g} is no lat, lon in degrees")
     sd = _gnss_sd(reader, rows)
     nowhere = (fix[:, 0] == 0) & (fix[:, 1] == 0)
     if nowhere.any():
@@ -210,9 +212,6 @@ def _gnss_sd(reader: _Reader, rows: Rows) -> Array:
     samples, default = reader.samples, reader.vehicle.gnss.sd
     blank = np.full(len(samples.clock), np.nan)
     sd = np.stack([samples.columns.get(name, blank)[rows] for name in GNSS_SD], -1)
-    bad = np.flatnonzero((sd <= 0).any(-1))
-    if len(bad):
-        raise samples.error(int(rows[bad[0]]), "a GNSS standard deviation is not above 0; blank it")
     missing = np.isnan(sd)
     if missing.any():
         which = [name for name, m in zip(GNSS_SD, missing.any(0), strict=True) if m]

@@ -7,7 +7,10 @@ from numpy.typing import NDArray
 
 from graphnav.common.errors import InputError
 from graphnav.reading import columns, units
-from graphnav.reading.table_file import TableFile
+from graphnav.reading.no_sample import without_impossible
+from graphnav.reading.position_unit import in_degrees
+from graphnav.reading.row_order import in_order
+from graphnav.reading.table_file import TableFile, read_table
 from graphnav.reading.vehicle import Vehicle
 from graphnav.reading.vehicle_file import nearest
 
@@ -22,6 +25,7 @@ class Samples:
     file: TableFile
     columns: dict[str, Array]  # canonical name -> (N,), SI except degrees where the name says so
     ignored: tuple[str, ...]  # headers nothing was read from
+    notes: tuple[str, ...] = ()  # what was read otherwise than it stands
 
     @property
     def clock(self) -> Array:
@@ -37,14 +41,18 @@ class Samples:
         where = f"{self.file.row(row)} (time {self.clock[row]:.15g})"
         return InputError(f"{self.file.path}: {where}: {text}")
 
+    def need(self, names: tuple[str, ...], what: str) -> None:
+        """InputError when one of the columns is not there."""
+        missing = [name for name in names if name not in self.columns]
+        if missing:
+            raise missing_column(self.file, missing[0], f"{what} needs {', '.join(names)}")
+
     def group(self, names: tuple[str, ...], what: str) -> tuple[Rows, Array]:
         """Rows (M,) where a sensor has a sample and its values (M, len(names)).
 
         Raises `InputError` when a column is missing or a row holds only some of the values.
         """
-        missing = [name for name in names if name not in self.columns]
-        if missing:
-            raise missing_column(self.file, missing[0], f"{what} needs {', '.join(names)}")
+        self.need(names, what)
         values = [self.columns[name] for name in names]
         filled = np.zeros(len(self.clock), np.uint8)
         for column in values:
@@ -73,12 +81,37 @@ def read_samples(file: TableFile, vehicle: Vehicle) -> Samples:
     names = _file_names(file, vehicle)
     if "time" not in names:
         raise missing_column(file, "time", "every run needs its clock [s]")
-    numbers = file.numbers(list(dict.fromkeys(names.values())))
-    scaled = {c: _scaled(numbers[name], _factor(vehicle, c)) for c, name in names.items()}
+    table = read_table(file, list(dict.fromkeys(names.values())), clock=names["time"])
+    scaled = {c: _scaled(table.columns[n], _factor(vehicle, c)) for c, n in names.items()}
+    rows = len(scaled["time"])
+    if rows < 2:
+        raise InputError(f"{file.path}: {rows or 'no'} rows under the header; nothing to smooth")
+    ordered = in_order(table.file, scaled)
+    degrees, told = in_degrees(str(file.path), ordered.columns, vehicle)
+    possible, notes = without_impossible(ordered.file, degrees)
     ignored = tuple(name for name in file.header if name not in names.values())
-    samples = Samples(file, scaled, ignored)
-    _check_clock(samples)
-    return samples
+    notes = [*table.notes, *ordered.notes, *([told] if told else []), *notes]
+    return Samples(ordered.file, _rates(possible, vehicle), ignored, tuple(notes))
+
+
+def _rates(read: dict[str, Array], vehicle: Vehicle) -> dict[str, Array]:
+    """Columns that hold increments over a sample, divided by the interval it stands for."""
+    clock = read["time"]
+    found = dict(read)
+    for name in read.keys() & {*columns.GYRO, *columns.ACCEL}:
+        unit = _unit(vehicle, name)
+        if unit and units.is_increment(columns.dimension(name), unit):
+            there = np.flatnonzero(np.isfinite(read[name]))
+            found[name] = np.full(len(clock), np.nan)
+            found[name][there] = read[name][there] / _intervals(clock[there])
+    return found
+
+
+def _intervals(clock: Array) -> Array:
+    """Sampling interval of every sample (M,); after a loss the usual one, which it still spans."""
+    step = np.diff(clock)
+    usual = np.median(step) if len(step) else 1.0
+    return np.concatenate([[usual], np.where(step > 1.5 * usual, usual, step)])[: len(clock)]
 
 
 def _file_names(file: TableFile, vehicle: Vehicle) -> dict[str, str]:
@@ -104,25 +137,12 @@ def _scaled(values: Array, factor: float) -> Array:
 
 
 def _factor(vehicle: Vehicle, column: str) -> float:
+    unit = _unit(vehicle, column)
+    return 1.0 if unit is None else units.factor(columns.dimension(column), unit)
+
+
+def _unit(vehicle: Vehicle, column: str) -> str | None:
+    """The unit the vehicle file states for a column, or for the group it is in."""
     group = next((g for g, members in columns.GROUPS.items() if column in members), "")
-    for name in (column, group):
-        if name in vehicle.columns and (unit := vehicle.columns[name].unit) is not None:
-            return units.factor(columns.dimension(column), unit)
-    return 1.0
-
-
-def _check_clock(samples: Samples) -> None:
-    clock = samples.clock
-    path, row = samples.file.path, samples.file.row
-    if len(clock) < 2:
-        raise InputError(f"{path}: {len(clock) or 'no'} rows under the header; nothing to smooth")
-    if np.isnan(clock).any():
-        raise InputError(f"{path}: {row(int(np.isnan(clock).argmax()))}: time is blank")
-    bad = np.flatnonzero(np.diff(clock) <= 0)
-    if len(bad):
-        i = int(bad[0])
-        how = "repeats" if clock[i + 1] == clock[i] else "goes backwards"
-        raise InputError(
-            f"{path}: time {how} at {row(i + 1)}: {clock[i]:.15g} then {clock[i + 1]:.15g}; "
-            "sort the rows and merge those of one time (blank cells where no sample)"
-        )
+    stated = (vehicle.columns[name].unit for name in (column, group) if name in vehicle.columns)
+    return next((unit for unit in stated if unit is not None), None)

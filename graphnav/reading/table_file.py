@@ -1,12 +1,13 @@
 """Tables on disk (csv, csv.gz, parquet) as columns of numbers; what is wrong in one line.
 
-A blank cell is NaN. Nothing here knows what a column means.
+A blank cell is NaN. Nothing here knows what a column means. Plain files go through pyarrow alone;
+where its reader gives up, `dirty_text` takes the lines apart and says what it did.
 """
 
 import gzip
-import re
+import io
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -18,96 +19,48 @@ from numpy.typing import NDArray
 
 from graphnav.common.errors import InputError
 from graphnav.common.side_by_side import side_by_side
+from graphnav.reading import bounds, dirty_cells, dirty_text
+from graphnav.reading.cell_words import PLAIN_BLANKS
+from graphnav.reading.dialect import HEAD_BYTES, Dialect, check_columns, dialect_of
 
 Array = NDArray[np.float64]
 pa.set_memory_pool(pa.system_memory_pool())  # others keep what they free from numpy's arrays
-BLANK = ["", "nan", "NaN", "NAN", "null", "NULL", "NA", "N/A"]
+UNREADABLE = (OSError, UnicodeError, EOFError, pa.ArrowException)
 
 
 @dataclass(frozen=True)
 class TableFile:
-    """A table's header; cells are read by `numbers` and `words`."""
+    """A table's header and how its text is written."""
 
     path: Path
-    header: tuple[str, ...]  # as in the file, blanks stripped
+    header: tuple[str, ...]  # as in the file, blanks stripped; nameless columns left out
+    dialect: Dialect | None  # None: parquet
+    lines: NDArray[np.intp] | None = None  # of the rows, where they do not follow one another
 
     def row(self, index: int) -> str:
         """How a user finds row `index` (0 is the first under the header)."""
-        return f"row {index + 1}" if is_parquet(self.path) else f"line {index + 2}"
+        if self.lines is not None:
+            index = int(self.lines[index])
+        elif self.dialect is not None:
+            index += self.dialect.skip + 1
+        else:
+            index += 1
+        return f"{'row' if self.dialect is None else 'line'} {index}"
 
-    def numbers(self, names: Sequence[str]) -> dict[str, Array]:
-        """Columns `names` as float64 (N,); InputError names the first cell that is no number."""
-        try:
-            table = self._cells(names, pa.float64())
-        except (pa.ArrowException, OSError) as error:
-            raise InputError(self._not_a_number(names) or self._broken(error)) from None
-        columns = side_by_side(lambda name: np.asarray(table[name].to_numpy(), float), names)
-        endless = side_by_side(lambda column: np.flatnonzero(np.isinf(column))[:1], columns)
-        for name, row in zip(names, endless, strict=True):
-            if len(row):
-                where = f"{self.path}: {self.row(int(row[0]))}"
-                raise InputError(f"{where}: {name} is infinite; leave the cell blank")
-        return dict(zip(names, columns, strict=True))
+    def kept(self, rows: NDArray[np.intp]) -> "TableFile":
+        """The same file, of which only `rows` are left."""
+        start = 1 if self.dialect is None else self.dialect.skip + 1
+        return replace(self, lines=rows + start if self.lines is None else self.lines[rows])
 
-    def words(self, name: str) -> list[str]:
-        """Column `name` as text, blank cells as ''."""
-        try:
-            column = self._cells([name], pa.string())[name]
-        except (pa.ArrowException, OSError) as error:
-            raise InputError(self._broken(error)) from None
-        return [word or "" for word in column.to_pylist()]
 
-    def _cells(self, names: Sequence[str], kind: Any, threads: bool = True) -> Any:
-        """The columns under stripped `names`, cast to `kind`."""
-        if is_parquet(self.path):
-            table = pa_parquet.read_table(self.path, columns=list(names))
-            return table.cast(pa.schema([(column, kind) for column in table.column_names]))
-        with pa.input_stream(str(self.path), compression=_compression(self.path)) as stream:
-            return pa_csv.read_csv(
-                stream,
-                pa_csv.ReadOptions(
-                    column_names=list(self.header), skip_rows=1, use_threads=threads
-                ),
-                convert_options=pa_csv.ConvertOptions(
-                    column_types=dict.fromkeys(names, kind),
-                    include_columns=list(names),
-                    null_values=BLANK,
-                    strings_can_be_null=True,
-                ),
-            )
+@dataclass(frozen=True)
+class Table:
+    """Columns read, row by row."""
 
-    def _not_a_number(self, names: Sequence[str]) -> str | None:
-        """The first cell, by row, that holds something else than a number."""
-        found: list[tuple[int, str, str]] = []
-        for name in names:
-            try:
-                words = self.words(name)
-            except InputError:
-                return None
-            bad = next((i for i, word in enumerate(words) if not _is_number(word)), None)
-            if bad is not None:
-                found.append((bad, name, words[bad]))
-        if not found:
-            return None
-        row, name, word = min(found)
-        return (
-            f"{self.path}: {self.row(row)}: {name} is '{word}', not a number; "
-            "leave the cell blank when there is no sample"
-        )
-
-    def _broken(self, error: Exception) -> str:
-        """The reader's own words, with the line where a single thread can tell it."""
-        if not is_parquet(self.path):
-            try:
-                self._cells(self.header, pa.string(), threads=False)
-            except (pa.ArrowException, OSError) as same:
-                error = same
-        text = " ".join(str(error).split()).removeprefix("CSV parse error: ")
-        found = re.match(r"Row #(\d+): Expected (\d+) columns, got (\d+)", text)
-        if found:
-            row, wanted, got = found.groups()
-            return f"{self.path}: line {row} has {got} cells, the header has {wanted}"
-        return f"{self.path}: cannot be read: {text}"
+    file: TableFile
+    columns: dict[str, Array]  # header -> (N,)
+    words: dict[str, list[str]]  # header -> N cells as text, '' where blank
+    notes: tuple[str, ...] = ()  # what was read otherwise than it stands, or left out
 
 
 def open_table(path: Path) -> TableFile:
@@ -116,18 +69,34 @@ def open_table(path: Path) -> TableFile:
         what = "is a directory" if path.is_dir() else "no such file"
         raise InputError(f"{path}: {what}; give a .csv, .csv.gz or .parquet file")
     try:
-        header = _header(path)
-    except (OSError, UnicodeDecodeError, EOFError, pa.ArrowInvalid) as error:
+        if is_parquet(path):
+            return TableFile(path, _parquet_header(path), None)
+        head = _head(path)
+        dialect = dialect_of(path, head)
+        bounds.check_text_size(path, head, len(dialect.names))
+    except UNREADABLE as error:
         text = " ".join(str(error).split())
         raise InputError(f"{path}: cannot be read as {_kind(path)}: {text}") from None
-    if header == [""]:
-        raise InputError(f"{path}: empty file; the first line must name the columns")
-    if len(header) == 1 and any(mark in header[0] for mark in ";\t"):
-        raise InputError(f"{path}: columns are not separated by commas; save it with ','")
-    twice = next((name for name in header if header.count(name) > 1), None)
-    if twice is not None:
-        raise InputError(f"{path}: column '{twice}' occurs twice; rename or remove one")
-    return TableFile(path, tuple(header))
+    return TableFile(path, tuple(name for name in dialect.names if name), dialect)
+
+
+def read_table(
+    file: TableFile, names: Sequence[str], words: Sequence[str] = (), clock: str = "time"
+) -> Table:
+    """Columns `names` as numbers and `words` as text; times as text are understood in `clock`.
+
+    Raises InputError where more than a few lines are no table or hold something else.
+    """
+    try:
+        table = _cells(file, {**dict.fromkeys(names, pa.float64()),
+                              **dict.fromkeys(words, pa.string())})  # fmt: skip
+    except UNREADABLE:
+        return _read_dirty(file, names, words, clock)
+    columns = side_by_side(lambda name: np.asarray(table[name].to_numpy(), float), names)
+    if any(side_by_side(lambda column: bool(np.isinf(column).any()), columns)):
+        return _read_dirty(file, names, words, clock)
+    notes = file.dialect.notes if file.dialect else ()
+    return Table(file, dict(zip(names, columns, strict=True)), _texts(table, words), notes)
 
 
 def is_parquet(path: Path) -> bool:
@@ -135,27 +104,108 @@ def is_parquet(path: Path) -> bool:
     return path.suffix.lower() in (".parquet", ".pq")
 
 
+def _texts(table: pa.Table, words: Sequence[str]) -> dict[str, list[str]]:
+    return {name: [word or "" for word in table[name].to_pylist()] for name in words}
+
+
+def _cells(file: TableFile, kinds: dict[str, Any]) -> pa.Table:
+    """Columns cast to their kinds, by pyarrow's own reader."""
+    dialect = file.dialect
+    if dialect is None:
+        table = pa_parquet.read_table(file.path, columns=list(kinds))
+        return table.cast(pa.schema([(name, kinds[name]) for name in table.column_names]))
+    if dialect.separator == " ":
+        raise pa.ArrowInvalid("runs of blanks")
+    with bounds.counted(file.path, _compression(file.path), len(dialect.names)) as stream:
+        return pa_csv.read_csv(
+            stream,
+            pa_csv.ReadOptions(
+                column_names=_unique(dialect), skip_rows=dialect.skip, encoding=dialect.encoding
+            ),
+            pa_csv.ParseOptions(delimiter=dialect.separator),
+            pa_csv.ConvertOptions(
+                column_types=kinds,
+                include_columns=list(kinds),
+                null_values=PLAIN_BLANKS,
+                strings_can_be_null=True,
+                decimal_point=dialect.decimal,
+            ),
+        )
+
+
+def _unique(dialect: Dialect) -> list[str]:
+    """A name for every column, those without one included."""
+    return [name or f"\0{i}" for i, name in enumerate(dialect.names)]
+
+
+def _read_dirty(file: TableFile, names: Sequence[str], words: Sequence[str], clock: str) -> Table:
+    """The second attempt: cell by cell, damaged lines left out and told."""
+    wanted = list(dict.fromkeys([*names, *words]))
+    try:
+        cells = _parquet_cells(file, wanted) if file.dialect is None else _text_cells(file, wanted)
+    except UNREADABLE as error:
+        text = " ".join(str(error).split())
+        raise InputError(
+            f"{file.path}: cannot be read: {text}; it seems damaged or cut off: copy it anew"
+        ) from None
+    found = dirty_cells.understood(cells, names, clock)
+    dirty_cells.check_damage(str(file.path), found, "row" if file.dialect is None else "line")
+    whole = np.flatnonzero(~found.damaged)
+    notes = (*(file.dialect.notes if file.dialect else ()), *found.notes())
+    return Table(
+        replace(file, lines=cells.numbers[whole]),
+        {name: column[whole] for name, column in found.columns.items()},
+        {name: _plain(cells.text[name].take(pa.array(whole))) for name in words},
+        notes,
+    )
+
+
+def _parquet_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
+    """Columns of a parquet file as text, whatever their type."""
+    table = pa_parquet.read_table(file.path, columns=list(names))
+    text = {name: table[name].cast(pa.string()).combine_chunks() for name in names}
+    return dirty_cells.Cells(text, np.arange(1, table.num_rows + 1))
+
+
+def _text_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
+    """Columns of a text as text, line by line."""
+    dialect = file.dialect
+    assert dialect is not None
+    with bounds.counted(file.path, _compression(file.path), len(dialect.names)) as stream:
+        text = io.TextIOWrapper(io.BufferedReader(stream, 1 << 20), dialect.encoding, "replace")
+        lines = dirty_text.lines_of(text, dialect, str(file.path))
+    wanted = [dialect.names.index(name) for name in names]
+    columns = dirty_text.columns_of(lines, len(dialect.names), wanted)
+    return dirty_cells.Cells(
+        dict(zip(names, columns, strict=True)),
+        np.array(lines.number, np.intp),
+        dialect.decimal,
+        tuple(lines.damaged),
+        lines.notes(),
+    )
+
+
+def _plain(words: pa.Array) -> list[str]:
+    return ["" if word is None or word in PLAIN_BLANKS else word for word in words.to_pylist()]
+
+
 def _compression(path: Path) -> str | None:
     return "gzip" if path.suffix.lower() == ".gz" else None
 
 
 def _kind(path: Path) -> str:
-    return "parquet" if is_parquet(path) else "comma-separated text"
+    return "parquet" if is_parquet(path) else "a table of text"
 
 
-def _header(path: Path) -> list[str]:
-    if is_parquet(path):
-        return list(pa_parquet.read_schema(path).names)
-    opener = gzip.open if _compression(path) else open
-    with opener(path, "rt", encoding="utf-8-sig") as file:
-        return [name.strip().strip('"') for name in file.readline().split(",")]
+def _parquet_header(path: Path) -> tuple[str, ...]:
+    """Names of the columns; InputError when there are too many or they cannot be held."""
+    with pa_parquet.ParquetFile(path) as file:
+        names, rows = tuple(file.schema_arrow.names), file.metadata.num_rows
+    check_columns(path, names)
+    bounds.check_need(path, bounds.need(0, rows, len(names)), f"its {rows} rows")
+    return names
 
 
-def _is_number(word: str) -> bool:
-    if word.strip() in BLANK:
-        return True
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def _head(path: Path) -> bytes:
+    with gzip.open(path) if _compression(path) else path.open("rb") as file:
+        return file.read(HEAD_BYTES)

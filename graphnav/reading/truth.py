@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from graphnav.common.errors import InputError
-from graphnav.reading.table_file import open_table
+from graphnav.reading.row_order import in_order
+from graphnav.reading.table_file import open_table, read_table
 from graphnav.reading.vehicle_file import nearest
 
 if TYPE_CHECKING:
@@ -31,13 +32,12 @@ def read_truth(path: Path) -> "DataFrame":
                 f"nearest is '{nearest(name, file.header)}'"
             )
     names = [name for name in (*NEEDED, *OPTIONAL) if name in file.header]
-    truth = pd.DataFrame(file.numbers(names))
-    if "state" in file.header:
-        truth["state"] = file.words("state")
-    back = np.flatnonzero(np.diff(truth["time"]) <= 0)
-    if len(back):
-        row = file.row(int(back[0]) + 1)
-        raise InputError(f"{path}: {row}: time repeats or goes backwards; sort the rows by time")
+    words = [name for name in ("state",) if name in file.header]
+    read = read_table(file, names, words)
+    clock = in_order(read.file, read.columns)
+    truth = pd.DataFrame(clock.columns)
+    if words:
+        truth["state"] = np.array(read.words["state"], object)[clock.rows]
     known = truth[list(NEEDED)].notna().all(axis=1)
     if not known.any():
         raise InputError(f"{path}: no row holds time, lat, lon and height")
@@ -59,5 +59,5 @@ def read_trajectory(path: Path) -> "DataFrame":
         if name not in file.header:
             raise InputError(f"{file.path}: no column '{name}'; give a result of graphnav smooth")
     words = [name for name in file.header if name == "state"]
-    table = pd.DataFrame(file.numbers([name for name in file.header if name not in words]))
-    return table.assign(**{name: file.words(name) for name in words})
+    read = read_table(file, [name for name in file.header if name not in words], words)
+    return pd.DataFrame(read.columns).assign(**read.words)

@@ -1,0 +1,82 @@
+"""What a file may ask of this machine, told before it is taken: size, columns, span, memory."""
+
+import io
+import struct
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+
+from graphnav.common.errors import InputError
+from graphnav.common.memory import free_memory
+
+SHARE = 0.8  # of the free memory that a run may take
+PER_CELL = 24  # bytes of a number while it is read: pyarrow's, numpy's and the scaled one
+PER_ROW = 400  # bytes of an inertial sample on its way: increments, screening, reckoning
+MOST_KNOWN = 64  # columns graphnav can use, at most
+READ_AT_ONCE = 4 << 20
+
+
+def need(size: int, rows: int, columns: int) -> int:
+    """Bytes of memory that `rows` rows of `size` bytes of text in all will take."""
+    return int(1.2 * size) + rows * (min(columns, MOST_KNOWN) * PER_CELL + PER_ROW)
+
+
+def check_need(path: Path, needed: float, what: str) -> None:
+    """InputError when `what` asks for more memory than is free."""
+    free = free_memory()
+    if needed > SHARE * free:
+        raise InputError(
+            f"{path}: {what} would take {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are "
+            "free; cut the file in parts, or thin its rows"
+        )
+
+
+def check_text_size(path: Path, head: bytes, columns: int) -> None:
+    """InputError when the file cannot be held; its rows are reckoned from its first ones."""
+    size = path.stat().st_size
+    if path.suffix.lower() == ".gz":
+        with path.open("rb") as file:
+            file.seek(max(0, size - 4))
+            tail = file.read(4)
+        size = max(size, struct.unpack("<I", tail)[0] if len(tail) == 4 else 0)
+    rows = int(size * (head.count(b"\n") + 1) / max(len(head), 1))
+    check_need(path, need(size, rows, columns), f"its {size / 1e6:.0f} MB of text")
+
+
+@contextmanager
+def counted(path: Path, compression: str | None, columns: int) -> Iterator[Any]:
+    """The file as a stream of bytes; what an archive unfolds to is held against free memory."""
+    with pa.input_stream(str(path), compression=compression) as stream:
+        yield stream if compression is None else _Counted(stream, path, columns)
+
+
+class _Counted(io.RawIOBase):
+    """An unfolding archive; InputError once it is more than fits."""
+
+    def __init__(self, stream: Any, path: Path, columns: int) -> None:
+        self._stream, self._path, self._columns = stream, path, columns
+        self._size = self._rows = self._told = 0
+
+    def readable(self) -> bool:
+        """It is."""
+        return True
+
+    def read(self, size: int = -1) -> bytes:
+        """As a file's."""
+        data: bytes = self._stream.read(None if size < 0 else size)
+        self._size += len(data)
+        self._rows += data.count(b"\n")
+        if self._size - self._told > READ_AT_ONCE:
+            self._told = self._size
+            needed = need(self._size, self._rows, self._columns)
+            check_need(self._path, needed, f"what it unfolds to ({self._size / 1e6:.0f} MB so far)")
+        return data
+
+    def readinto(self, buffer: Any) -> int:
+        """As a file's."""
+        data = self.read(len(buffer))
+        buffer[: len(data)] = data
+        return len(data)
