@@ -16,7 +16,8 @@ HEAD_BYTES = 256 * 1024  # enough for the longest header allowed and hundreds of
 MOST_COLUMNS = 4096
 COMMENTS = ("#", "%", "//")
 SEPARATORS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "bars", " ": "blanks"}
-LOOKED_AT = 200  # rows that tell separator and decimal mark
+LOOKED_AT = 100  # rows that tell separator and decimal mark
+MOST_ABOVE = 500  # lines, comments among them, in which they must be found
 COMMA = re.compile(r"[+-]?\d*,\d+([eE][+-]?\d+)?")
 POINT = re.compile(r"[+-]?(\d+\.\d*|\.\d+)([eE][+-]?\d+)?")
 THOUSANDS = re.compile(r"[+-]?[1-9]\d{0,2}(,\d{3})+")
@@ -53,8 +54,8 @@ def dialect_of(path: Path, head: bytes) -> Dialect:
     """
     encoding = _encoding(head)
     text = _decoded(head, encoding)
-    lines = LINE_END.split(text)
-    if len(head) >= HEAD_BYTES:
+    lines = LINE_END.split(text, maxsplit=MOST_ABOVE)
+    if len(head) >= HEAD_BYTES or len(lines) > MOST_ABOVE:
         if len(lines) < 2:
             raise InputError(
                 f"{path}: its first line is longer than {HEAD_BYTES // 1024} kB: not a table, or "
