@@ -115,9 +115,8 @@ def test_faulty_input_ends_with_two_and_writes_nothing(
 ) -> None:
     short = pd.read_csv(car / "run.csv.gz", nrows=20000)
     text = short.astype({"gyro_x": object})
-    text.loc[500, "gyro_x"] = "n/a?"
-    back = short.copy()
-    back.loc[700, "time"] = 1.0
+    text.loc[500:800, "gyro_x"] = "n/a?"
+    back = short.assign(time=short["time"].where(short.index < 700, short["time"] - 1.0))
     degrees = short.assign(**{f"gyro_{a}": np.rad2deg(short[f"gyro_{a}"]) for a in "xyz"})
     cases = {
         "accel_y": short.drop(columns="accel_y"),
