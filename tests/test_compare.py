@@ -169,7 +169,7 @@ def test_truth_without_its_columns(tmp_path: Path, change: dict[str, str], part:
 def test_truth_out_of_order(tmp_path: Path) -> None:
     path = tmp_path / "truth.csv"
     drive(1.0).iloc[::-1].to_csv(path, index=False)
-    with pytest.raises(InputError, match="line 3: time repeats or goes backwards"):
+    with pytest.raises(InputError, match="time goes backwards at line 3"):
         read_truth(path)
 
 
