@@ -18,7 +18,7 @@ from graphnav.result import tables, trajectory
 from graphnav.result.quality import Quality
 from graphnav.result.solved import Solved
 from graphnav.result.summary import Judged, calibration, summary, write_json
-from graphnav.result.writing import whole_directory
+from graphnav.result.writing import kept_aside, whole_directory
 from graphnav.views.views import Views
 
 if TYPE_CHECKING:
@@ -81,7 +81,7 @@ def smooth(
         quality = judge(solved, dense, used, progress)
         with whole_directory(out) as directory:
             progress("writing")
-            judged = Judged(solved, quality, findings, said_of(solved))
+            judged = Judged(solved, quality, findings + kept_aside(out), said_of(solved))
             write(judged, columns, dense, reference, options.csv, directory, progress)
             views.make(directory, progress)
             progress.done()

@@ -1,17 +1,29 @@
 """Result directories: whole or not at all, and nothing foreign is ever replaced."""
 
+import errno
 import os
+import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 
+from graphnav.common import replacing
 from graphnav.common.errors import InputError
 from graphnav.common.progress import Stages
-from graphnav.result.writing import MARKER, check_replaceable, default_out, whole_directory
+from graphnav.result.writing import (
+    MARKER,
+    adopt,
+    check_replaceable,
+    default_out,
+    kept_aside,
+    whole_directory,
+)
 
 
 def write(out: Path, name: str = "summary.json", text: str = "{}") -> None:
@@ -49,11 +61,14 @@ def test_failure_leaves_the_old_and_nothing_else(
 def test_an_earlier_result_is_replaced_whole(tmp_path: Path) -> None:
     out = tmp_path / "out"
     write(out, "old.parquet")
-    (out / "report.html").write_text("made later")
-    (out / "export").mkdir()
-    (out / "export" / "trajectory.kml").write_text("made later")
+    for name in ("report.html", "export/trajectory.kml"):
+        (out / name).parent.mkdir(exist_ok=True)
+        (out / name).write_text("made later")
+        adopt(out, out / name)
+    assert kept_aside(out) == []
     write(out, "new.parquet")
     assert {p.name for p in out.iterdir()} == {"new.parquet", MARKER}
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
 def test_an_empty_directory_may_be_used(tmp_path: Path) -> None:
@@ -74,14 +89,114 @@ def test_foreign_things_are_never_replaced(tmp_path: Path) -> None:
         check_replaceable(tmp_path / "summary.json")
 
 
-def test_a_result_with_a_foreign_file_is_not_replaced(tmp_path: Path) -> None:
+def test_what_is_not_graphnavs_in_a_result_is_kept_and_told(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    for times in (1, 2):
+        write(out)
+        (out / "export").mkdir()
+        (out / "export" / "notes.txt").write_text(f"mine {times}")
+        (out / "summary.json").write_text("changed")
+        (told,) = kept_aside(out)
+        assert "export/notes.txt and 1 more" in told
+    write(out, "new")
+    assert {p.name for p in out.iterdir()} == {"new", MARKER}
+    for times, name in ((1, "out_kept"), (2, "out_kept_2")):
+        assert (tmp_path / name / "export" / "notes.txt").read_text() == f"mine {times}"
+        assert (tmp_path / name / "summary.json").read_text() == "changed"
+
+
+def test_a_copied_result_is_still_graphnavs(tmp_path: Path) -> None:
+    write(tmp_path / "out")
+    shutil.copytree(tmp_path / "out", tmp_path / "copy", copy_function=shutil.copyfile)
+    assert kept_aside(tmp_path / "copy") == []
+
+
+def test_a_marker_of_names_alone_is_understood(tmp_path: Path) -> None:
     out = tmp_path / "out"
     write(out)
-    (out / "notes").mkdir()
-    (out / "notes" / "mine.txt").write_text("keep")
-    with pytest.raises(InputError, match=r"mine\.txt"):
-        write(out)
-    assert (out / "notes" / "mine.txt").read_text() == "keep"
+    (out / "run.rrd").write_text("made later")
+    (out / MARKER).write_text('{"graphnav": "0.1", "files": ["summary.json"]}')
+    write(out, "new")
+    assert [p.name for p in tmp_path.iterdir()] == ["out"]
+
+
+def test_the_inputs_are_not_moved(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out)
+    (out / "run.csv").write_text("time")
+    with pytest.raises(InputError, match=r"run\.csv: lies in"):
+        check_replaceable(out, (out / "run.csv", None))
+
+
+def test_the_directory_one_stands_in(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    out = tmp_path / "out"
+    write(out)
+    monkeypatch.chdir(out)
+    write(Path("."), "new")
+    assert Path("new").exists()
+    assert Path.cwd() == out
+
+
+def test_links_in_a_circle_and_full_disks_are_told(tmp_path: Path) -> None:
+    (tmp_path / "a").symlink_to(tmp_path / "b")
+    (tmp_path / "b").symlink_to(tmp_path / "a")
+    with pytest.raises(InputError, match="out: cannot be found"):
+        write(tmp_path / "a" / "out")
+    full = pytest.raises(InputError, match=r"out: cannot be written: .*No space left")
+    with full, whole_directory(tmp_path / "out"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("at", range(3))
+@pytest.mark.parametrize("swaps", [True, False])
+def test_a_kill_before_any_rename_leaves_old_or_new(tmp_path: Path, at: int, swaps: bool) -> None:
+    out = tmp_path / "out"
+    write(out, text="old")
+    (out / "mine.txt").write_text("keep")
+    pid = os.fork()
+    if pid == 0:
+        _die_before_rename(at, swaps)
+        write(out, text="new")
+        os._exit(0)
+    os.waitpid(pid, 0)
+    if swaps:
+        assert (out / "summary.json").read_text() in ("old", "new")
+    with pytest.raises(ValueError), whole_directory(out):  # a failing run puts right, too
+        assert (out / "summary.json").read_text() in ("old", "new")
+        raise ValueError
+    write(out, text="next")
+    assert (out / "summary.json").read_text() == "next"
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["out", "out_kept"]
+    assert (tmp_path / "out_kept" / "mine.txt").read_text() == "keep"
+
+
+def _die_before_rename(at: int, swaps: bool) -> None:
+    """Kill this process before its `at`-th rename; without the exchange of names where asked."""
+    left = [at]
+
+    def dying(call: Callable[..., Any]) -> Callable[..., Any]:
+        def last(*arguments: Any) -> Any:
+            if not left[0]:
+                os.kill(os.getpid(), signal.SIGKILL)
+            left[0] -= 1
+            return call(*arguments)
+
+        return last
+
+    exchange = replacing.exchange if swaps else lambda *_: False
+    replacing.exchange = dying(exchange) if swaps else exchange
+    os.rename, os.replace = dying(os.rename), dying(os.replace)
+
+
+def test_what_others_left_is_let_alone(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    foreign = [tmp_path / ".out.part-elsewhere-1", tmp_path / f".out.old-{replacing.HOST}-1"]
+    for path in foreign:  # of another host, and of a living process (init)
+        path.mkdir()
+    write(out)
+    write(out)
+    assert all(path.exists() for path in foreign)
 
 
 def test_a_forged_name_is_not_enough(tmp_path: Path) -> None:

@@ -112,7 +112,7 @@ def smooth(
     from graphnav.result.writing import check_replaceable, default_out
 
     out = out or default_out(run)
-    check_replaceable(out)
+    check_replaceable(out, (run, vehicle, truth))
     with Stages() as stages:
         stages("starting")
         from graphnav import pipeline
@@ -233,9 +233,11 @@ def rrd(directory: Path) -> None:
 def report(directory: Path) -> None:
     """Make report.html of RESULT anew."""
     from graphnav.result import result_directory as results
+    from graphnav.result.writing import adopt
     from graphnav.views import report as one_page
 
     one_page.write(results.load(directory), directory / "report.html")
+    adopt(directory, directory / "report.html")
     click.echo(f"wrote {directory / 'report.html'}")
 
 
@@ -261,11 +263,13 @@ def export(
     """
     from graphnav import export as exports
     from graphnav.result import result_directory as results
+    from graphnav.result.writing import adopt
 
     loaded = results.load(directory)
     file = file or directory / "export" / f"trajectory{exports.SUFFIX[form]}"
     file.parent.mkdir(parents=True, exist_ok=True)
     exports.write(loaded, form, file, at)
+    adopt(directory, file)
     click.echo(f"wrote {file}")
 
 

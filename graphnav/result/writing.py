@@ -1,19 +1,27 @@
-"""Result directories appear whole or not at all, and replace nothing graphnav did not write."""
+"""Result directories appear whole or not at all, and nothing of a user's is lost by it.
 
+A marker lists what graphnav wrote, with sizes and digests; whatever else a replaced directory holds
+is kept in a directory beside it.
+"""
+
+import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterator
-from contextlib import contextmanager
-from fnmatch import fnmatch
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 from graphnav import __version__
+from graphnav.common import replacing
 from graphnav.common.errors import InputError
 
-MARKER = ".graphnav"  # lists the files graphnav wrote into the directory
-# made from a finished result by other commands, so no loss when it is replaced
-DERIVED = ("run.rrd", "report.html", "validation.json", "export/*")
+MARKER = ".graphnav"
+# made from a result by versions that did not list them: no loss when replaced
+DERIVED = ("run.rrd", "report.html", "validation.json")
+DIGEST = 16  # bytes
 
 
 def default_out(run_path: Path) -> Path:
@@ -21,42 +29,26 @@ def default_out(run_path: Path) -> Path:
     return run_path.parent / f"{run_path.name.split('.')[0]}_graphnav"
 
 
-def check_replaceable(out: Path) -> None:
-    """InputError when `out` exists and is anything but an empty or a graphnav directory.
+def check_replaceable(out: Path, inputs: tuple[Path | None, ...] = ()) -> None:
+    """InputError when `out` exists and is anything but an empty or a graphnav directory, or when it
+    holds one of the `inputs`.
 
     To be called before the work begins, so that nobody waits for a refusal.
     """
+    out = _resolved(out)
     if not out.exists():
         return
     if not out.is_dir():
         raise InputError(f"{out}: is a file, not a directory; give another --out")
-    there = sorted(path.relative_to(out) for path in out.rglob("*") if not path.is_dir())
-    if not there:
-        return
-    foreign = [path for path in there if not _own(path, _listed(out))]
-    if foreign:
+    for path in inputs:
+        if path is not None and out in _resolved(path).parents:
+            raise InputError(f"{path}: lies in {out}, which is to be replaced; give another --out")
+    there = _files(out)
+    if there and _listed(out) is None:
         raise InputError(
-            f"{out}: holds {foreign[0]}, which graphnav did not write, and is not replaced; "
+            f"{out}: holds {there[0]}, which graphnav did not write, and is not replaced; "
             "move it away or give another --out"
         )
-
-
-def keep_in_result(result: Path, name: str, run_path: Path, text: str) -> Path:
-    """Write one of `DERIVED` into a result directory; beside the run where `result` is none.
-
-    Aside first and then renamed; the path written.
-    """
-    if (result / MARKER).is_file():
-        path = result / name
-    else:
-        path = run_path.parent / f"{run_path.name.split('.')[0]}_{name}"
-    aside = _sibling(path, "part")
-    try:
-        aside.write_text(text, encoding="utf-8")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
-    return path
 
 
 @contextmanager
@@ -64,77 +56,193 @@ def whole_directory(out: Path) -> Iterator[Path]:
     """A directory to write into, which becomes `out` when the block ends without an exception.
 
     Until then it is a hidden sibling of `out`; an exception, Ctrl-C included, removes it. Raises
-    `InputError` when `out` may not be replaced or cannot be made.
+    `InputError` when `out` may not be replaced or cannot be made or written.
     """
-    out = out.resolve()
+    out = _resolved(out)
     check_replaceable(out)
-    part = _sibling(out, "part")
-    try:
+    with _told(out):
         out.parent.mkdir(parents=True, exist_ok=True)
-        _sweep(out)
-        part.mkdir()
-    except OSError as error:
-        raise InputError(f"{out}: cannot be made: {error.strerror}; give another --out") from None
+        _recover(out)
+        part = replacing.made_aside(out, "part")
     try:
-        yield part
-        _mark(part)
-        check_replaceable(out)  # someone may have put a file there meanwhile
-        _swap(part, out)
+        with _told(out):
+            yield part
+            _mark(part, {})
+            _replace(part, out)
     finally:
         shutil.rmtree(part, ignore_errors=True)
 
 
-def _sibling(out: Path, what: str) -> Path:
-    return out.with_name(f".{out.name}.{what}-{os.getpid()}")
+def kept_aside(out: Path) -> list[str]:
+    """What of `out` will be kept beside it when it is replaced, in words; nothing as a rule."""
+    out = _resolved(out)
+    foreign = _foreign(out) if out.is_dir() else []
+    if not foreign:
+        return []
+    more = f" and {len(foreign) - 1} more" if foreign[1:] else ""
+    return [
+        f"{foreign[0]}{more} in {out.name} were not written by graphnav, or changed since: kept in "
+        f"{_kept(out, foreign).name}"
+    ]
 
 
-def _mark(directory: Path) -> None:
-    files = sorted(str(p.relative_to(directory)) for p in directory.rglob("*") if p.is_file())
-    content = {"graphnav": __version__, "files": files}
-    (directory / MARKER).write_text(json.dumps(content, indent=1), encoding="utf-8")
+def adopt(directory: Path, file: Path) -> None:
+    """Add a `file` made later to what graphnav wrote into its result `directory`."""
+    listed = _listed(directory)
+    with suppress(ValueError, OSError):
+        name = str(file.resolve().relative_to(directory.resolve()))
+        if listed is not None:
+            _mark(directory, {**listed, name: _print_of(directory / name)})
 
 
-def _listed(directory: Path) -> frozenset[str]:
-    """Files the marker of `directory` claims; none without a readable marker."""
+def keep_in_result(result: Path, name: str, run_path: Path, text: str) -> Path:
+    """Write a text into a result directory; beside the run where `result` is none.
+
+    Aside first and then renamed; the path written.
+    """
+    path = result / name
+    if not (result / MARKER).is_file():
+        path = run_path.parent / f"{run_path.name.split('.')[0]}_{name}"
+    aside = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        content = json.loads((directory / MARKER).read_text(encoding="utf-8"))
-        return frozenset([MARKER, *content["files"]])
-    except (OSError, ValueError, KeyError, TypeError):
-        return frozenset()
+        aside.write_text(text, encoding="utf-8")
+        aside.replace(path)
+    finally:
+        aside.unlink(missing_ok=True)
+    adopt(result, path)
+    return path
 
 
-def _own(path: Path, listed: frozenset[str]) -> bool:
-    return bool(listed) and (str(path) in listed or any(fnmatch(str(path), p) for p in DERIVED))
-
-
-def _swap(part: Path, out: Path) -> None:
-    """Put `part` in the place of `out`; the old one survives until the new one stands."""
-    old = _sibling(out, "old")
-    replaced = out.exists()
-    if replaced:
-        out.rename(old)
+@contextmanager
+def _told(out: Path) -> Iterator[None]:
+    """A full disk and its like as one line."""
     try:
-        part.rename(out)
-    except OSError:
-        if replaced:
-            old.rename(out)
-        raise
+        yield
+    except OSError as error:
+        what = error.strerror or str(error)
+        where = error.filename or out
+        raise InputError(
+            f"{out}: cannot be written: {where}: {what}; make room or give another --out (what was "
+            "there stands)"
+        ) from None
+
+
+def _resolved(path: Path) -> Path:
+    try:
+        return path.resolve()
+    except (OSError, RuntimeError) as error:  # links in a circle
+        raise InputError(f"{path}: cannot be found: {error}; give another path") from None
+
+
+def _replace(part: Path, out: Path) -> None:
+    """Put `part` in the place of `out`; keep what is not graphnav's, remove the rest."""
+    stands_in = out == Path.cwd() or out in Path.cwd().parents
+    old = replacing.put(part, out)
+    if old is not None:
+        if _files(old) and _listed(old) is None:  # someone put a file there meanwhile
+            replacing.put(old, out)
+            check_replaceable(out)
+        _clear(old, out)
+    if stands_in:
+        os.chdir(out)
+
+
+def _recover(out: Path) -> None:
+    """Put right what killed runs left: a whole result is restored where none stands, files of a
+    user's are kept, the rest is removed.
+    """
+    for path in replacing.left_by_the_dead(out):
+        if not out.exists() and _is_whole(path):
+            with suppress(OSError):
+                path.rename(out)
+                continue
+        _clear(path, out)
+
+
+def _clear(old: Path, out: Path) -> None:
+    """Remove a directory that was or would have been `out`, but for what is not graphnav's."""
+    foreign = _foreign(old)
+    if foreign:
+        kept = _kept(out, foreign)
+        for name in foreign:
+            target = kept / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with suppress(FileNotFoundError):  # another process kept it
+                (old / name).rename(target)
     shutil.rmtree(old, ignore_errors=True)
 
 
-def _sweep(out: Path) -> None:
-    """Remove what a killed graphnav left beside `out`."""
-    for path in out.parent.glob(f".{out.name}.part-*"):
-        pid = path.name.rpartition("-")[2]
-        if pid.isdigit() and not _alive(int(pid)):
-            shutil.rmtree(path, ignore_errors=True)
+def _kept(out: Path, names: Sequence[Path]) -> Path:
+    """The directory beside `out` where files of these names can be kept: none is there yet."""
+    for number in count(1):
+        path = out.with_name(f"{out.name}_kept{f'_{number}' if number > 1 else ''}")
+        if not path.is_file() and not any((path / name).exists() for name in names):
+            return path
+    raise AssertionError("unreachable")
 
 
-def _alive(pid: int) -> bool:
-    try:
-        os.kill(pid, 0)
-    except ProcessLookupError:
+def _foreign(directory: Path) -> list[Path]:
+    """Files of a marked directory that graphnav did not write, or that were changed since."""
+    listed = _listed(directory)
+    if listed is None:
+        return []
+    return [name for name in _results(directory) if not _own(directory, str(name), listed)]
+
+
+def _own(directory: Path, name: str, listed: Mapping[str, Any]) -> bool:
+    if name not in listed:
         return False
-    except PermissionError:
+    told = listed[name]
+    if told is None:  # a marker of names alone
         return True
-    return True
+    try:
+        stat = (directory / name).stat()
+        same = [stat.st_size, stat.st_mtime_ns] == told[:2]
+        return bool(same or _print_of(directory / name)[2] == told[2])
+    except OSError:
+        return False
+
+
+def _is_whole(directory: Path) -> bool:
+    listed = _listed(directory) or {}
+    return bool(listed) and all(t and (directory / name).exists() for name, t in listed.items())
+
+
+def _files(directory: Path) -> list[Path]:
+    """Everything in a directory that is no directory, links not followed."""
+    found = []
+    for folder, folders, names in os.walk(directory):
+        links = [name for name in folders if (Path(folder) / name).is_symlink()]
+        found += [(Path(folder) / name).relative_to(directory) for name in [*names, *links]]
+    return sorted(found)
+
+
+def _results(directory: Path) -> list[Path]:
+    """All files but the marker."""
+    return [name for name in _files(directory) if not str(name).startswith(MARKER)]
+
+
+def _mark(directory: Path, listed: Mapping[str, Any]) -> None:
+    """Write the marker; all that is there, where nothing is listed."""
+    listed = listed or {str(name): _print_of(directory / name) for name in _results(directory)}
+    aside = directory / f"{MARKER}.{os.getpid()}"
+    aside.write_text(json.dumps({"graphnav": __version__, "files": listed}), encoding="utf-8")
+    aside.replace(directory / MARKER)
+
+
+def _print_of(path: Path) -> list[Any]:
+    """Size, time of change and digest of a file: by them a change is known."""
+    stat = path.stat()
+    with path.open("rb") as file:
+        digest = hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=DIGEST))
+    return [stat.st_size, stat.st_mtime_ns, digest.hexdigest()]
+
+
+def _listed(directory: Path) -> dict[str, Any] | None:
+    """Files the marker of `directory` claims, with their prints; None without a readable one."""
+    try:
+        content = json.loads((directory / MARKER).read_text(encoding="utf-8"))
+        files = content["files"]
+        return dict(files) if isinstance(files, dict) else dict.fromkeys([*files, *DERIVED])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from graphnav.result import result_directory as results
+from graphnav.result.writing import adopt
 from graphnav.views import recording
 
 
@@ -16,6 +17,7 @@ def rebuild(directory: Path) -> Path:
     """
     path = directory / "run.rrd"
     recording.write(results.load(directory), path)
+    adopt(directory, path)
     return path
 
 

@@ -1,0 +1,112 @@
+"""A directory in the place of another, so that whatever moment a kill comes one of them stands.
+
+Names carry host and process: what a dead process of this host left may be put right, what belongs
+to another host or a living process is left alone.
+"""
+
+import ctypes
+import os
+import re
+import socket
+import sys
+from collections.abc import Iterator
+from contextlib import suppress
+from errno import EBUSY, EEXIST, EINVAL, ENOENT, ENOSYS, ENOTEMPTY, ENOTSUP, EPERM
+from itertools import count
+from pathlib import Path
+
+HOST = re.sub(r"[^A-Za-z0-9_]+", "_", socket.gethostname())[:40] or "host"
+AT_FDCWD, RENAME_EXCHANGE, RENAME_SWAP = -100, 2, 2  # linux/fs.h; sys/stdio.h of macOS
+CANNOT = {ENOSYS, EINVAL, ENOTSUP, EPERM}  # the system or its file system has no exchange
+CLASH = {ENOENT, EEXIST, ENOTEMPTY, EBUSY}  # another process was quicker
+TRIES = 50
+
+
+def made_aside(out: Path, what: str) -> Path:
+    """A new hidden directory beside `out`, named after `what`, this host and this process."""
+    for path in _names(out, what):
+        with suppress(FileExistsError):
+            path.mkdir()
+            return path
+    raise AssertionError("unreachable")
+
+
+def _names(out: Path, what: str) -> Iterator[Path]:
+    stem = f".{out.name}.{what}-{HOST}-{os.getpid()}"
+    yield out.with_name(stem)
+    for number in count(2):
+        yield out.with_name(f"{stem}-{number}")
+
+
+def put(part: Path, out: Path) -> Path | None:
+    """Put directory `part` in the place of `out`; where the old one lies then, None without one.
+
+    In one step where the system can; else by two renames, after which a kill between leaves the old
+    one to be `restored`. Raises OSError.
+    """
+    for attempt in range(TRIES):
+        try:
+            if not out.exists():
+                part.rename(out)
+                return None
+            return part if exchange(part, out) else _put_by_two(part, out)
+        except OSError as error:
+            if error.errno not in CLASH or attempt == TRIES - 1:
+                raise
+    raise AssertionError("unreachable")
+
+
+def _put_by_two(part: Path, out: Path) -> Path:
+    old = made_aside(out, "old")
+    out.rename(old)  # onto an empty directory
+    try:
+        part.rename(out)
+    except OSError:
+        with suppress(OSError):  # another process may have put its own there meanwhile
+            old.rename(out)
+        raise
+    return old
+
+
+def exchange(one: Path, other: Path) -> bool:
+    """Exchange two names in one step; False where that cannot be done. Raises OSError."""
+    if sys.platform == "win32":
+        return False
+    libc = ctypes.CDLL(None, use_errno=True)
+    names = os.fsencode(one), os.fsencode(other)
+    if hasattr(libc, "renameat2"):
+        failed = libc.renameat2(AT_FDCWD, names[0], AT_FDCWD, names[1], RENAME_EXCHANGE)
+    elif hasattr(libc, "renamex_np"):
+        failed = libc.renamex_np(*names, RENAME_SWAP)
+    else:
+        return False
+    if not failed:
+        return True
+    number = ctypes.get_errno()
+    if number in CANNOT:
+        return False
+    raise OSError(number, os.strerror(number), str(one), None, str(other))
+
+
+def left_by_the_dead(out: Path) -> list[Path]:
+    """What dead processes of this host left beside `out`, the newest first."""
+    form = re.compile(rf"\.{re.escape(out.name)}\.(part|old)-{HOST}-(\d+)(-\d+)?")
+    found = []
+    with suppress(OSError):
+        for path in out.parent.iterdir():
+            named = form.fullmatch(path.name)
+            if named and not alive(int(named[2])):
+                with suppress(OSError):
+                    found.append((path.stat().st_mtime, path))
+    return [path for _, path in sorted(found, reverse=True)]
+
+
+def alive(pid: int) -> bool:
+    """Whether a process of this host still runs."""
+    try:
+        os.kill(pid, 0)
+    except (ProcessLookupError, OverflowError):
+        return False
+    except OSError:
+        return True
+    return True
