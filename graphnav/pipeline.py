@@ -9,6 +9,7 @@ from graphnav.common.errors import InputError
 from graphnav.common.progress import Stages
 from graphnav.common.run import Run
 from graphnav.inertial.measured import measured
+from graphnav.reading.bounds import check_solution
 from graphnav.reading.check import check
 from graphnav.reading.outages import Outages, described, in_use
 from graphnav.reading.read import read_run
@@ -68,8 +69,9 @@ def smooth(
     progress("reading")
     vehicle = load_vehicle(options.vehicle_path, run_path)
     run = measured(read_run(run_path, vehicle))
-    reference = _truth(options.truth)
-    findings = check(run, vehicle, options.use_gnss) + described(run, options.outages)
+    check_solution(run, options.mode, options.nodes_hz, options.rate_hz)
+    reference, of_truth = _truth(options.truth)
+    findings = check(run, vehicle, options.use_gnss) + described(run, options.outages) + of_truth
     with Views(options.views) as views:
         solved = solve(run, vehicle, options, progress)
         progress("trajectory")
@@ -79,10 +81,12 @@ def smooth(
             dense = trajectory.table(solved, COMPARED_HZ)
         used = replace(run, gnss=in_use(run, vehicle, options.use_gnss, options.outages))
         quality = judge(solved, dense, used, progress)
+        reference, comparison, misfit = _compared(dense, reference, progress)
+        findings += misfit
         with whole_directory(out) as directory:
             progress("writing")
             judged = Judged(solved, quality, findings + kept_aside(out), said_of(solved))
-            write(judged, columns, dense, reference, options.csv, directory, progress)
+            write(judged, columns, reference, comparison, options.csv, directory)
             views.make(directory, progress)
             progress.done()
             _update_stages(directory, progress)
@@ -155,15 +159,14 @@ def _solve_incremental(run: Run, prep: "Prepared", lag: float | None, progress: 
 def write(
     judged: Judged,
     columns: dict[str, Any],
-    comparable: dict[str, Any],
     reference: "DataFrame | None",
+    comparison: dict[str, Any] | None,
     csv: bool,
     directory: Path,
-    progress: Stages,
 ) -> None:
     """Every file of the result directory but the views made from them.
 
-    `columns` is the trajectory to write, `comparable` the one dense enough to hold against truth.
+    `columns` is the trajectory to write.
     """
     import pandas as pd
 
@@ -187,12 +190,6 @@ def write(
     for name, frame in optional.items():
         if frame is not None:
             frame.to_parquet(directory / f"{name}.parquet", index=False)
-    comparison = None
-    if reference is not None:
-        from graphnav.result.compare import compare
-
-        progress("comparing")
-        comparison = compare(pd.DataFrame(comparable), reference).as_dict()
     write_json(directory / "calibration.json", calibration(solved))
     said = summary(judged, table, len(slips), comparison)
     write_json(directory / "summary.json", said)
@@ -208,9 +205,33 @@ def _update_stages(directory: Path, progress: Stages) -> None:
     write_json(path, said)
 
 
-def _truth(path: Path | None) -> "DataFrame | None":
+def _truth(path: Path | None) -> tuple["DataFrame | None", list[str]]:
+    """The reference and findings on it; one that cannot be read costs the comparison only."""
     if path is None:
-        return None
+        return None, []
     from graphnav.reading.truth import read_truth
 
-    return read_truth(path)
+    if not path.is_file():
+        raise InputError(f"{path}: no such truth file; give one with --truth, or leave it out")
+    try:
+        truth = read_truth(path)
+    except InputError as error:
+        return None, [f"not compared with truth: {error}"]
+    return truth, list(truth.attrs["notes"])
+
+
+def _compared(
+    columns: dict[str, Any], reference: "DataFrame | None", progress: Stages
+) -> tuple["DataFrame | None", dict[str, Any] | None, list[str]]:
+    """The reference where it fits the trajectory, the comparison with it, and why there is none."""
+    if reference is None:
+        return None, None, []
+    import pandas as pd
+
+    from graphnav.result.compare import compare
+
+    progress("comparing")
+    try:
+        return reference, compare(pd.DataFrame(columns), reference).as_dict(), []
+    except InputError as error:
+        return None, None, [f"not compared with truth: {error}"]

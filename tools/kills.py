@@ -105,7 +105,7 @@ class Place:
     def full(self, rng: random.Random) -> str:
         """No file may be longer than a few kilobytes: what a full disk does, at some file."""
         self.reset()
-        most = rng.choice([0, 100, 1000, 3000, 10_000])
+        most = rng.choice([600, 1000, 3000, 10_000, 30_000])
 
         def limit() -> None:
             resource.setrlimit(resource.RLIMIT_FSIZE, (most, most))

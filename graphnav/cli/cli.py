@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from graphnav import __version__
-from graphnav.cli.command import Numbers, OneLine, report_failures
+from graphnav.cli.command import Finite, Numbers, OneLine, report_failures
 from graphnav.cli.simulate import simulate
 
 FORMATS = ("kml", "geojson", "gpx", "tum", "csv", "sbet", "nmea")
@@ -62,7 +62,7 @@ def cli() -> None:
 @click.option("--truth", type=PATH, help="Reference to compare with: time lat lon height ...")
 @click.option(
     "--rate",
-    type=click.FloatRange(0.1, 1000),
+    type=Finite(0.1, 1000),
     default=10.0,
     show_default=True,
     metavar="HZ",
@@ -70,7 +70,7 @@ def cli() -> None:
 )
 @click.option(
     "--nodes",
-    type=click.FloatRange(0.2, 10),
+    type=Finite(0.2, 10),
     default=1.0,
     show_default=True,
     metavar="HZ",
@@ -78,7 +78,7 @@ def cli() -> None:
 )
 @click.option(
     "--lag",
-    type=click.FloatRange(min=0, min_open=True),
+    type=Finite(min=0, min_open=True),
     metavar="S",
     help="Incremental: seconds kept open behind the newest node.",
 )
@@ -163,7 +163,7 @@ def check(run: Path, vehicle: Path | None, gnss: bool) -> None:
 @click.option(
     "--block",
     "lengths",
-    type=click.FloatRange(1, 3600),
+    type=Finite(1, 3600),
     multiple=True,
     default=(10.0, 30.0, 60.0, 120.0),
     show_default=True,

@@ -1,6 +1,7 @@
 """How the command meets its user: one line for every failure, an exit status that means it."""
 
 import difflib
+import math
 import os
 import signal
 import sys
@@ -14,6 +15,9 @@ from graphnav.common.errors import GraphnavError
 
 INTERRUPTED = 130
 NOTHING_WRITTEN = "interrupted; no result was written"
+OUT_OF_MEMORY = (
+    "out of memory; no result was written: smooth the run in parts, or lower --nodes or --rate"
+)
 
 
 class OneLine(click.Group):
@@ -53,11 +57,22 @@ class Numbers(click.ParamType[tuple[float, ...]]):
             numbers = tuple(float(part) for part in value.split(self.mark))
         except ValueError:
             numbers = ()
-        if len(numbers) != self.count:
+        if len(numbers) != self.count or not all(map(math.isfinite, numbers)):
             self.fail(f"'{value}' is not {self.form}", param, ctx)
         if self.mark == ":" and not numbers[0] < numbers[1]:
             self.fail(f"'{value}': START must come before END", param, ctx)
         return numbers
+
+
+class Finite(click.FloatRange):
+    """A number in a range that is one: neither nan nor infinite."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The number; a usage error when it is none."""
+        number = super().convert(value, param, ctx)
+        if not math.isfinite(number):
+            self.fail(f"'{value}' is not a finite number", param, ctx)
+        return number
 
 
 def report_failures(command: click.Command, args: Sequence[str]) -> int:
@@ -87,6 +102,8 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
         if debug:
             raise
         return _say(f"{error.filename or 'file'}: {error.strerror or error}", 2)
+    except MemoryError:
+        return _say(OUT_OF_MEMORY, 1)
     except Exception as error:
         if heard:
             return _say(NOTHING_WRITTEN, 128 + heard[-1])

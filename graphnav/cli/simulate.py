@@ -5,16 +5,18 @@ from typing import Any
 
 import click
 
+from graphnav.cli.command import Finite
+
 PATH = click.Path(path_type=Path)
 
 
 @click.command(short_help="A run with known truth, to try things on.")
 @click.argument("scenario", metavar="SCENARIO")
 @click.option("--out", type=PATH, help="Directory.  [default: <scenario>_<seed>]")
-@click.option("--seed", type=int, default=0, show_default=True)
+@click.option("--seed", type=click.IntRange(0, 2**63 - 1), default=0, show_default=True)
 @click.option("--grade", help="IMU: navigation, fog, tactical, mems.  [default: the scenario's]")
 @click.option("--ground", default="concrete", show_default=True, help="concrete or soil (tracked).")
-@click.option("--duration", type=float, metavar="S", help="Seconds to drive.")
+@click.option("--duration", type=Finite(), metavar="S", help="Seconds to drive.")
 @click.option("--gnss", is_flag=True, help="Satellite fixes too.")
 @click.option("--slips", is_flag=True, help="Side slips and hops (wheeled).")
 @click.option(
@@ -28,7 +30,7 @@ PATH = click.Path(path_type=Path)
 )
 @click.option(
     "--noise",
-    type=float,
+    type=Finite(),
     default=1.0,
     show_default=True,
     metavar="TIMES",
@@ -37,7 +39,7 @@ PATH = click.Path(path_type=Path)
 @click.option("--sampled", is_flag=True, help="IMU values of an instant, not means: they alias.")
 @click.option(
     "--vibration",
-    type=float,
+    type=Finite(),
     default=1.0,
     show_default=True,
     metavar="TIMES",

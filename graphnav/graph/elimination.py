@@ -6,6 +6,7 @@ covariances follow by one backward pass over the Bayes net. Cholesky can break o
 weights (design fact 3): it serves for steps on the way, QR for the last one and the covariances.
 """
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -81,15 +82,21 @@ def quickly(graph: gtsam.GaussianFactorGraph, chain: Chain) -> gtsam.GaussianBay
         return None
 
 
+class Undetermined(SolutionError):
+    """The sensors do not determine a variable: node ("x") or segment ("c") number `index`."""
+
+    def __init__(self, family: str, index: int) -> None:
+        super().__init__(f"the sensors leave the solution undetermined near state {family}{index}")
+        self.family, self.index = family, index
+
+
 def eliminate(graph: gtsam.GaussianFactorGraph, chain: Chain) -> gtsam.GaussianBayesNet:
-    """Square-root form by QR; raises SolutionError when a state is not determined."""
+    """Square-root form by QR; raises Undetermined when a state is not determined."""
     try:
         return graph.eliminateSequential(chain.ordering, gtsam.EliminateQR)
     except RuntimeError as error:
-        where = str(error).partition("Symbol: ")[2].partition(")")[0]
-        raise SolutionError(
-            f"the sensors leave the solution undetermined near state {where or '?'}"
-        ) from error
+        named = re.search(r"Symbol: ([xc])(\d+)", str(error))
+        raise Undetermined(named[1] if named else "?", int(named[2]) if named else -1) from error
 
 
 def step(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> tuple[Array, Array]:

@@ -11,7 +11,8 @@ from factors.estimate import Estimate, finite
 from factors.weights import Robust
 from graphnav.common.errors import SolutionError
 from graphnav.common.run import Array
-from graphnav.graph.elimination import Chain, eliminate, linear_system, quickly, step
+from graphnav.graph.contradiction import moment, worst
+from graphnav.graph.elimination import Chain, Undetermined, eliminate, linear_system, quickly, step
 
 Step = tuple[Array, Array]  # error states of nodes (N, 10) and calibration segments (K, dim)
 Linearise = Callable[[Estimate], list[Block]]
@@ -64,7 +65,7 @@ def gauss_newton(
 ) -> Solution:
     """Iterate until the step is small against the standard deviations: `d^T H d < tolerance`.
 
-    Raises SolutionError naming the factor that does not settle.
+    Raises SolutionError naming the sensor and the span that do not settle.
     """
     blocks = linearise(estimate)
     weights = [weights_of(block, robust) for block in blocks]
@@ -86,7 +87,7 @@ def gauss_newton(
             weights = [weights_of(block, robust) for block in blocks]
     raise SolutionError(
         f"no convergence in {MAX_ITERATIONS} iterations "
-        f"(last step {np.sqrt(attempt.length):.2g} sigma): " + worst(blocks)
+        f"(last step {np.sqrt(attempt.length):.2g} sigma): " + worst(blocks, weights)
     )
 
 
@@ -134,7 +135,7 @@ def _exact(
     here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
 ) -> _Attempt:
     """The step by QR, or a half, quarter ... of it while the cost would grow."""
-    bayes_net = eliminate(graph, chain)
+    bayes_net = _eliminated(graph, weighted, chain)
     delta = step(bayes_net, chain)
     length = _length(weighted, delta)
     for halving in range(6):
@@ -146,13 +147,21 @@ def _exact(
     return _Attempt(length, (trial, here.linearise(trial)), bayes_net)
 
 
+def _eliminated(
+    graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
+) -> gtsam.GaussianBayesNet:
+    """By QR; SolutionError tells when what is not determined acts."""
+    try:
+        return eliminate(graph, chain)
+    except Undetermined as error:
+        when = moment(weighted, error.family, error.index)
+        where = "" if when is None else f" near {when:.1f} s of the run"
+        raise SolutionError(
+            f"the sensors leave the solution undetermined{where}: too few of them there, or their "
+            "stated noise is far too large or too small; check the vehicle file, or cut the run"
+        ) from None
+
+
 def _length(weighted: list[Block], delta: Step) -> float:
     """Squared length of a step in standard deviations, `d^T H d`."""
     return sum(float(np.sum(block.change(*delta) ** 2)) for block in weighted)
-
-
-def worst(blocks: list[Block]) -> str:
-    """The factor kind, row and time of the largest whitened residual, in words."""
-    peak = max(blocks, key=lambda b: float(np.abs(b.residual).max(initial=0)))
-    n, row = np.unravel_index(int(np.abs(peak.residual).argmax()), peak.residual.shape)
-    return f"{peak.kind} ({peak.axes[row]}) disagrees most, at {peak.time[n]:.1f} s of the run"

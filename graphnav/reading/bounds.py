@@ -11,12 +11,17 @@ import pyarrow as pa
 
 from graphnav.common.errors import InputError
 from graphnav.common.memory import free_memory
+from graphnav.common.run import Run
 
 SHARE = 0.8  # of the free memory that a run may take
 PER_CELL = 24  # bytes of a number while it is read: pyarrow's, numpy's and the scaled one
 PER_ROW = 400  # bytes of an inertial sample on its way: increments, screening, reckoning
 MOST_KNOWN = 64  # columns graphnav can use, at most
 READ_AT_ONCE = 4 << 20
+# bytes of a solution, measured by tools/bench.py: a node with its factors and covariances (batch,
+# incremental), a second of the dense path, a row of the trajectory in its three forms
+PER_NODE = {"batch": 47_000, "incremental": 90_000}
+PER_SECOND, PER_WRITTEN = 24_000, 1000
 
 
 def need(size: int, rows: int, columns: int) -> int:
@@ -32,6 +37,17 @@ def check_need(path: Path, needed: float, what: str) -> None:
             f"{path}: {what} would take {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are "
             "free; cut the file in parts, or thin its rows"
         )
+
+
+def check_solution(run: Run, mode: str, nodes_hz: float, rate_hz: float) -> None:
+    """InputError when the solution of a run will not fit into memory."""
+    samples = 0 if run.imu is None else len(run.imu.time)
+    fixes = 0 if run.gnss is None else len(run.gnss.time)
+    nodes = run.end * nodes_hz + fixes
+    per_second = PER_SECOND + rate_hz * PER_WRITTEN
+    needed = samples * PER_ROW + nodes * PER_NODE[mode] + run.end * per_second
+    what = f"solving {run.end:.0f} s with {nodes_hz:g} nodes and {rate_hz:g} rows a second"
+    check_need(run.path, needed, what)
 
 
 def check_text_size(path: Path, head: bytes, columns: int) -> None:

@@ -17,6 +17,7 @@ from graphnav.reading.table_file import TableFile
 
 Array = NDArray[np.float64]
 Rows = NDArray[np.intp]
+FAR, FAR_S = 10.0, 600.0  # a gap so many times as long as all else, and so many s
 
 
 @dataclass(frozen=True)
@@ -32,13 +33,13 @@ class Ordered:
 def in_order(file: TableFile, columns: Mapping[str, Array]) -> Ordered:
     """Rows in strictly increasing time. Raises InputError (line, times, cause, cure)."""
     now = Ordered(file, dict(columns), np.arange(len(columns["time"])))
-    if _increases(now.columns["time"]):
-        return now
     for step in (_without_blanks, _counted_on, _without_stray, _sorted, _merged):
-        now = step(now)
         if _increases(now.columns["time"]):
-            return now
-    raise _out_of_order(now)
+            break
+        now = step(now)
+    if not _increases(now.columns["time"]):
+        raise _out_of_order(now)
+    return _without_far_ends(now)
 
 
 def _increases(clock: Array) -> bool:
@@ -135,6 +136,33 @@ def _merged(now: Ordered) -> Ordered:
         row = now.file.row(int(starts[int(contradict.argmax())]) + 1)
         note += f"; {int(contradict.sum())} contradict the row before and are left out, first {row}"
     return Ordered(now.file.kept(starts), merged, now.rows[starts], (*now.notes, note))
+
+
+def _without_far_ends(now: Ordered) -> Ordered:
+    """The few first or last rows, where a gap longer than all else parts them from the others.
+
+    Raises InputError where there are many on either side.
+    """
+    clock = now.columns["time"]
+    if len(clock) < 2:
+        return now
+    step = np.diff(clock)
+    k = int(step.argmax())
+    if step[k] < FAR_S or step[k] < FAR * (clock[-1] - clock[0] - step[k]):
+        return now
+    where = (
+        f"time jumps from {clock[k]:.15g} to {clock[k + 1]:.15g} at {now.file.row(k + 1)}, further "
+        "than all else the run spans"
+    )
+    few = min(k + 1, len(clock) - k - 1)
+    if few > MOST_DAMAGED * len(clock):
+        raise InputError(
+            f"{now.file.path}: {where}: are there two runs in the file, or is the time in another "
+            "unit? split it there, or set [columns] time = { unit = ... } in the vehicle file"
+        )
+    last = few == len(clock) - k - 1
+    rows = np.arange(k + 1) if last else np.arange(k + 1, len(clock))
+    return _kept(now, rows, f"{where}: the {few} rows {'after' if last else 'before'} are left out")
 
 
 def _contradiction(now: Ordered, start: int, count: int) -> InputError:

@@ -6,6 +6,7 @@ where its reader gives up, `dirty_text` takes the lines apart and says what it d
 
 import gzip
 import io
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -25,7 +26,7 @@ from graphnav.reading.dialect import HEAD_BYTES, Dialect, check_columns, dialect
 
 Array = NDArray[np.float64]
 pa.set_memory_pool(pa.system_memory_pool())  # others keep what they free from numpy's arrays
-UNREADABLE = (OSError, UnicodeError, EOFError, pa.ArrowException)
+UNREADABLE = (OSError, UnicodeError, EOFError, zlib.error, pa.ArrowException)
 
 
 @dataclass(frozen=True)

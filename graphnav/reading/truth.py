@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from graphnav.common.errors import InputError
+from graphnav.reading.dialect import MOST_DAMAGED
+from graphnav.reading.no_sample import RANGE
 from graphnav.reading.row_order import in_order
 from graphnav.reading.table_file import open_table, read_table
 from graphnav.reading.vehicle_file import nearest
@@ -41,10 +43,17 @@ def read_truth(path: Path) -> "DataFrame":
     known = truth[list(NEEDED)].notna().all(axis=1)
     if not known.any():
         raise InputError(f"{path}: no row holds time, lat, lon and height")
-    if (truth["lat"].abs() > 90).any():
-        row = file.row(int((truth["lat"].abs() > 90).to_numpy().argmax()))
-        raise InputError(f"{path}: {row}: lat is no latitude in degrees")
-    return truth[known].reset_index(drop=True)
+    on_earth = pd.concat([truth[n].between(*RANGE[f"gnss_{n}"]) for n in NEEDED[1:]], axis=1)
+    wild = known & ~on_earth.all(axis=1)
+    if wild.sum() > MOST_DAMAGED * known.sum():
+        row = clock.file.row(int(wild.to_numpy().argmax()))
+        raise InputError(f"{path}: {row}: no latitude, longitude in degrees and height in m")
+    notes = [*read.notes, *clock.notes]
+    notes += [f"{wild.sum()} rows that are nowhere on Earth left out"] * bool(wild.any())
+    known &= ~wild
+    truth = truth[known].reset_index(drop=True)
+    truth.attrs["notes"] = [f"{path.name}: {note}" for note in notes]
+    return truth
 
 
 def read_trajectory(path: Path) -> "DataFrame":

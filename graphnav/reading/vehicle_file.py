@@ -14,6 +14,7 @@ from graphnav.common.errors import InputError
 from graphnav.reading import columns
 from graphnav.reading.vehicle import Column, Section, Vehicle
 
+LARGEST = 1_000_000  # bytes
 TABLES = {info.alias or name: info for name, info in Vehicle.model_fields.items()}
 
 
@@ -31,8 +32,10 @@ def load_vehicle(path: Path | None, run_path: Path) -> Vehicle:
             "'[vehicle]\\nkind = \"wheeled\"' (tracked, wheeled or rover) there"
         )
     try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        if path.stat().st_size > LARGEST:
+            raise InputError(f"{path}: {path.stat().st_size} bytes are no vehicle file")
+        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:  # TOMLDecodeError, UnicodeDecodeError among them
         raise InputError(f"{path}: not TOML: {error}") from None
     return parse_vehicle(table, str(path))
 

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graphnav.common.earth import Origin
-from graphnav.common.errors import InputError
+from graphnav.result.truth_fit import check_fit
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -54,16 +54,12 @@ def compare(trajectory: "DataFrame", truth: "DataFrame") -> Comparison:
     """Compare a trajectory table with a truth table (columns of interface.md).
 
     Metres are local, in the ENU frame at the first truth point. Raises `InputError` when the two
-    share no time.
+    cannot be compared (`check_fit`).
     """
+    check_fit(trajectory, truth)
     time = _column(truth, "time")
     own = _column(trajectory, "time")
     inside = (time >= own[0]) & (time <= own[-1])
-    if not inside.any():
-        raise InputError(
-            f"truth ({time[0]:.15g} to {time[-1]:.15g}) and result ({own[0]:.15g} to "
-            f"{own[-1]:.15g}) share no time; both must be on the run file's clock"
-        )
     pair = _Pair(trajectory, truth[inside], own, time[inside])
     error = pair.position_error(_origin(truth))
     horizontal = np.hypot(error[:, 0], error[:, 1])

@@ -120,9 +120,9 @@ def _told(out: Path) -> Iterator[None]:
         yield
     except OSError as error:
         what = error.strerror or str(error)
-        where = error.filename or out
+        at = f"{error.filename}: " if error.filename else ""
         raise InputError(
-            f"{out}: cannot be written: {where}: {what}; make room or give another --out (what was "
+            f"{out}: cannot be written: {at}{what}; make room or give another --out (what was "
             "there stands)"
         ) from None
 

@@ -1,0 +1,69 @@
+"""What a solution founders on that does not settle or is undetermined: sensor, span and cure."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from factors import kinds
+from factors.block import Block
+from graphnav.common.run import Array
+
+LARGE = 5.0  # sigma: residuals as large belong to the trouble
+TOGETHER_S = 20.0  # between two of them that are one trouble
+
+GYROS = "leave out the IMU's samples there (blank their cells), or state larger noise under [imu]"
+ODOMETER = "blank the odometer's cells there, or state a larger [odometer] scale_sd"
+CURES: dict[str, tuple[str, str]] = {  # kind -> what it comes from, what to leave out
+    kinds.INERTIAL: ("the IMU", GYROS),
+    kinds.STANDSTILL: ("the IMU at rest", GYROS),
+    kinds.DISPLACEMENT: ("the odometer", ODOMETER),
+    kinds.VELOCITY: ("the odometer", ODOMETER),
+    kinds.PHASE: ("the pulse counter", ODOMETER),
+    kinds.TRACK_WIDTH: ("the side speeds", "blank odo_left and odo_right there"),
+    kinds.GNSS: ("the fixes", "withhold them with --outage START:END, or all with --no-gnss"),
+    kinds.HEADING: ("the heading sensor", "blank heading_deg there"),
+    kinds.START: ("[start]", "state larger position_sd_m and heading_sd_deg under [start]"),
+}
+WHEELS = ("the wheels", "blank their cells there")
+CALIBRATION = ("the calibrations", "check units, axes and figures in the vehicle file")
+
+
+def worst(blocks: Sequence[Block], weights: Sequence[Array]) -> str:
+    """The sensor that costs most, the span in which it does, and what to leave out, in words."""
+    costs = [w * b.residual**2 for b, w in zip(blocks, weights, strict=True)]
+    k = int(np.argmax([cost.sum() if cost.size else 0.0 for cost in costs]))
+    block, cost = blocks[k], costs[k]
+    rows = cost.sum(axis=1)
+    at = int(rows.argmax())
+    axis = block.axes[int(cost[at].argmax())]
+    start, end = _span(block.time, np.sqrt(rows), at)
+    sensor, cure = _of(block.kind)
+    return (
+        f"{sensor} ({block.kind}, {axis}) disagrees most, from {start:.1f} to {end:.1f} s of the "
+        f"run, at worst by {np.sqrt(rows[at]):.2g} sigma; {cure}"
+    )
+
+
+def moment(blocks: Sequence[Block], family: str, index: int) -> float | None:
+    """When a variable acts, s of the run; None when no factor acts on it."""
+    for block in blocks:
+        for term in block.terms:
+            if term.family == family and (on := np.flatnonzero(term.index == index)).size:
+                return float(block.time[on[0]])
+    return None
+
+
+def _of(kind: str) -> tuple[str, str]:
+    if kind in CURES:
+        return CURES[kind]
+    return WHEELS if "wheel" in kind else CALIBRATION
+
+
+def _span(time: Array, size: Array, at: int) -> tuple[float, float]:
+    """First and last large residual around the largest, without long pauses between."""
+    large = np.flatnonzero((size > LARGE) | (np.arange(len(size)) == at))
+    apart = np.flatnonzero(np.diff(time[large]) > TOGETHER_S)
+    i = int(np.searchsorted(large, at))
+    first = apart[apart < i].max(initial=-1) + 1
+    last = apart[apart >= i].min(initial=len(large) - 1)
+    return float(time[large[first]]), float(time[large[last]])

@@ -1,0 +1,66 @@
+"""Whether a reference can be held against a result at all, and if not, what it seems to be."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from graphnav.common.errors import InputError
+
+if TYPE_CHECKING:
+    from pandas import DataFrame
+
+Array = NDArray[np.float64]
+LEAST_SHARE = 0.1  # of the shorter of the two that both must cover
+NEAR_DEG = 1.0
+DAY_S = 86400.0
+UNITS_S = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
+
+
+def check_fit(trajectory: "DataFrame", truth: "DataFrame") -> None:
+    """InputError when truth shares too little time with the trajectory, or is not in degrees."""
+    own, time = (frame["time"].to_numpy(dtype=np.float64) for frame in (trajectory, truth))
+    shared = _shared(own, time)
+    if shared < LEAST_SHARE:
+        spans = f"truth ({time[0]:.15g} to {time[-1]:.15g}) and result ({own[0]:.15g} to "
+        share = f"share {shared:.2%} of their time" if shared > 0 else "share no time"
+        raise InputError(
+            f"{spans}{own[-1]:.15g}) {share}: {_why(own, time)}; both must be on the run file's "
+            "clock"
+        )
+    here = _middle(trajectory)
+    there = _middle(truth)
+    if _apart(np.rad2deg(there), here) < NEAR_DEG < _apart(there, here):
+        raise InputError(
+            f"truth's lat, lon ({there[0]:.6f}, {there[1]:.6f}) are in radians: give degrees"
+        )
+
+
+def _shared(own: Array, time: Array) -> float:
+    """Of the shorter span, the share that both cover; one reference row counts as covered."""
+    overlap = min(own[-1], time[-1]) - max(own[0], time[0])
+    if overlap < 0 or not ((time >= own[0]) & (time <= own[-1])).any():
+        return 0.0
+    shorter = min(np.ptp(own), np.ptp(time))
+    return float(overlap / shorter) if shorter > 0 else 1.0
+
+
+def _why(own: Array, time: Array) -> str:
+    """What would make the two clocks meet."""
+    for unit, factor in UNITS_S.items():
+        if _shared(own, time * factor) > 0.5:
+            return f"truth's time seems to be in {unit}, not s"
+    days = np.round((own[0] - time[0]) / DAY_S)
+    if days and _shared(own, time + days * DAY_S) > 0.5:
+        return f"they would on another day ({days:+.0f} d)"
+    if _shared(own - own[0], time - time[0]) > 0.5:
+        return "their clocks begin at different times, or it is another run's"
+    return "it is another run's, or the clocks differ"
+
+
+def _middle(frame: "DataFrame") -> Array:
+    return np.array([frame["lat"].median(), frame["lon"].median()], dtype=np.float64)
+
+
+def _apart(a: Array, b: Array) -> float:
+    return float(np.abs(a - b).max())
