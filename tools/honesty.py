@@ -14,24 +14,19 @@ import argparse
 import json
 import re
 import sys
+import tempfile
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from normalised_errors import Array, independent, normalised
-from pandas import DataFrame
 from rich.box import MARKDOWN
 from rich.console import Console
 from rich.table import Table
 from simulated_runs import add_options, run_of
+from smoothed_runs import NoResult, smoothed
 
-from graphnav.common.errors import GraphnavError
-from graphnav.common.progress import Stages
-from graphnav.pipeline import solve
-from graphnav.reading.read import read_run
 from graphnav.reading.truth import read_truth
-from graphnav.reading.vehicle_file import load_vehicle
-from graphnav.result import trajectory
 
 SCENARIOS = ("tracked", "wheeled", "slip", "field-tracked", "field-wheeled", "field-skid", "rover")
 WITHOUT_STREAM = ("rover",)
@@ -41,25 +36,24 @@ DURATION = 600.0  # s
 
 
 def judged(directory: Path, use_gnss: bool, mode: str, grade: str | None) -> dict[str, Any]:
-    """Normalised errors of one run, by mode and kind."""
-    path, vehicle_path = directory / "run.csv.gz", directory / "vehicle.toml"
-    if grade:
-        vehicle_path = restated(vehicle_path, grade)
-    vehicle = load_vehicle(vehicle_path, path)
-    run = read_run(path, vehicle)
+    """Normalised errors of one run, by mode and kind. Raises NoResult."""
+    vehicle = directory / "vehicle.toml"
+    with tempfile.TemporaryDirectory() as scratch:
+        if grade:
+            vehicle = restated(vehicle, grade, Path(scratch))
+        fixes = () if use_gnss else ("--no-gnss",)
+        result = smoothed(directory / "run.csv.gz", vehicle, "--mode", mode, *fixes)
     truth = read_truth(directory / "truth.csv.gz")
-    solved = solve(run, vehicle, use_gnss, (), 10.0, Stages(show=False), mode)
-    table = DataFrame(trajectory.table(solved, 10.0))
-    found = {"batch": normalised(table, truth, solved.origin)}
-    if solved.causal is not None and len(solved.causal["time"]) > 1:
-        found["causal"] = normalised(DataFrame(solved.causal), truth, solved.origin)
+    found = {"batch": normalised(result.trajectory, truth, result.origin)}
+    if result.causal is not None and len(result.causal) > 1:
+        found["causal"] = normalised(result.causal, truth, result.origin)
     return found
 
 
-def restated(vehicle_path: Path, grade: str) -> Path:
-    """The vehicle file with nothing but another grade said of the IMU."""
-    text = re.sub(r"(?m)^(grade|gyro_|accel_)\S* *=.*\n", "", vehicle_path.read_text())
-    told = vehicle_path.with_name(f"vehicle_{grade}.toml")
+def restated(vehicle: Path, grade: str, where: Path) -> Path:
+    """The vehicle file with nothing but another grade said of the IMU, written into `where`."""
+    text = re.sub(r"(?m)^(grade|gyro_|accel_)\S* *=.*\n", "", vehicle.read_text())
+    told = where / "vehicle.toml"
     told.write_text(text.replace("[imu]\n", f'[imu]\ngrade = "{grade}"\n'))
     return told
 
@@ -84,7 +78,7 @@ def scenario(name: str, use_gnss: bool, options: argparse.Namespace) -> dict[str
         directory = run_of(options, name, seed)
         try:
             found = judged(directory, use_gnss, mode, options.state)
-        except GraphnavError as error:
+        except NoResult as error:
             failed.append(f"{seed}: {error}")
             continue
         for way, kinds in found.items():
