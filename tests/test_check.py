@@ -77,8 +77,8 @@ def test_gravity_taken_out_is_refused(name: str) -> None:
 @pytest.mark.parametrize("axes", ["FRD", "UFL"])
 def test_gravity_off_the_up_axis_names_the_axes(name: str, axes: str) -> None:
     run, vehicle = pair(shared(name))
-    with pytest.raises(InputError, match=rf'axes = "{axes}" would fit'):
-        check(with_imu(run, axes=axes), vehicle)
+    findings = check(with_imu(run, axes=axes), vehicle)
+    assert any(f'axes = "{axes}" would fit' in finding for finding in findings)
 
 
 @pytest.mark.parametrize("name", ["kingston2008", "comma2k19", "sim_tracked", "sim_rlg"])

@@ -18,7 +18,7 @@ from factors.displacement import (
     phase_prior,
 )
 from factors.estimate import Estimate
-from factors.heading import heading
+from factors.heading import Bearing, heading
 from factors.inertial import EarthField, inertial, predict
 from factors.position import Carried, Fixes, position
 from factors.preintegration import Increments, InertialNoise, Preintegrated, preintegrate
@@ -233,7 +233,8 @@ def test_jacobians_of_the_plain_factors(seed: int) -> None:
     for function in (
         lambda e: standstill(noise, second, e),
         lambda e: position(fixes, LAYOUT, at_nodes, e),
-        lambda e: heading(seen, sigma, at_nodes, e),
+        lambda e: heading(Bearing(seen, sigma), LAYOUT, at_nodes, e),
+        lambda e: heading(Bearing(seen, sigma, roll=0.1), LAYOUT, at_nodes, e),
         lambda e: start(known, 0.0, e),
         lambda e: phase_prior(0.02, time, e),
         lambda e: track_width(np.array([0.3]), np.array([0.05]), LAYOUT, second, e),
@@ -272,10 +273,15 @@ def test_zero_at_truth_of_the_plain_factors() -> None:
     at_nodes = scope([0, 1], [0, 0])
     forward = x.R_nb[:2] @ np.array([0, 1.0, 0])
     azimuth = np.arctan2(forward[:, 0], forward[:, 1])
+    pitch, turned = x.calibration[0, LAYOUT.slices["mounting"]]
+    ahead = x.R_nb[:2] @ so3.exp(np.array([pitch, 0.2, turned])) @ np.array([0, 1.0, 0])
+    course = np.arctan2(ahead[:, 0], ahead[:, 1])
+    sure = np.full(2, 0.01)
     known = Start(x.R_nb[0], x.v_n[0], x.p_n[0], np.ones(9))
     blocks = [
         standstill(StandstillNoise(np.full(3, 1e-6), 1e-3, 1e-3), at_nodes, x),
-        heading(azimuth + 2 * np.pi, np.full(2, 0.01), at_nodes, x),
+        heading(Bearing(azimuth + 2 * np.pi, sure), LAYOUT, at_nodes, x),
+        heading(Bearing(course, sure, roll=0.2), LAYOUT, at_nodes, x),
         start(known, 0.0, x),
     ]
     turned = np.stack([x.R_nb[0], x.R_nb[0] @ so3.exp(np.array([0, 0, 0.4]))])

@@ -1,5 +1,7 @@
 """A smoothed run told in full: dense path, corrected odometer, calibrations, verdicts."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from factors import so3
@@ -22,7 +24,8 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
     pitch, heading = estimate.calibration[-1, layout.slices[MOUNTING]]
     R_bm = so3.exp(np.array([pitch, prep.setup.vehicle.odometer.mount_b[1], heading]))
     return Solved(
-        run=recorded,
+        # in the axes that were smoothed
+        run=replace(recorded, imu=prep.sensed.run.imu, heading=prep.sensed.run.heading),
         vehicle=prep.setup.vehicle,
         origin=origin,
         path=smoothed.path,

@@ -15,6 +15,7 @@ from graphnav.graph.nodes import INTERVAL_S
 from graphnav.inertial.alignment import Alignment, align
 from graphnav.inertial.fix_delay import found_delay
 from graphnav.inertial.increments import GRID_S, increments
+from graphnav.inertial.orientation import oriented
 from graphnav.inertial.reckoning import inertial_path
 from graphnav.inertial.standstill import (
     BEGINS_S,
@@ -95,14 +96,18 @@ def prepare(
     if run.imu is None:
         raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
     inc = increments(run.imu, min(GRID_S, 1 / rate_hz))
-    gnss, delay = punctual(in_use(run, vehicle, use_gnss, outages), vehicle, inc, run.odometer)
-    used = replace(run, gnss=gnss)
+    gnss = in_use(run, vehicle, use_gnss, outages)
+    lying = oriented(replace(run, gnss=gnss), vehicle, inc)
+    vehicle, inc = lying.vehicle, lying.inc
+    gnss, delay = punctual(gnss, vehicle, inc, run.odometer)
+    used = replace(lying.run, gnss=gnss)
     still = standing(inc, run.odometer)
     rests = spans(still, inc.edge)
     if gnss is not None:
         rests = unmoved(rests, gnss)
         still = within(inc, rests)
     alignment = align(used, vehicle, inc, standing_start(rests, inc))
+    alignment = replace(alignment, told=(*lying.told, *alignment.told))
     if run.odometer is None:
         rests = believable(rests, *_reckoned_speed(inc, vehicle, alignment))
         still = within(inc, rests)

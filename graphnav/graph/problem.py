@@ -9,7 +9,7 @@ from factors.block import Block, Index
 from factors.calibration import SCALE, Layout, walk
 from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
-from factors.heading import heading
+from factors.heading import Bearing, heading
 from factors.inertial import EarthField, inertial
 from factors.preintegration import Preintegrated, interval_of_increment, preintegrate
 from factors.standstill import StandstillNoise, standstill
@@ -76,8 +76,17 @@ def build(
 
 
 def _start(prep: Prepared, nodes: Nodes) -> Factor:
+    """What is known of the first node; a stated heading of the vehicle's as one of its mounting."""
     known, t = prep.setup.alignment.start, float(nodes.time[0])
-    return lambda x: [start(known, t, x)]
+    if not prep.setup.alignment.of_vehicle:
+        return lambda x: [start(known, t, x)]
+    spec, layout = prep.setup.vehicle.start, prep.setup.layout
+    assert spec.heading_deg is not None
+    stated, sigma = np.deg2rad([[spec.heading_deg], [spec.heading_sd_deg]])
+    roll = float(prep.setup.vehicle.odometer.mount_b[1])
+    bearing = Bearing(stated, sigma, roll, kinds.START_HEADING)
+    scope = nodes.at(np.zeros(1, np.int64), nodes.time[:1])
+    return lambda x: [start(known, t, x), heading(bearing, layout, scope, x)]
 
 
 def _calibration(prep: Prepared, nodes: Nodes) -> Factor:
@@ -112,6 +121,8 @@ def _heading(prep: Prepared, nodes: Nodes) -> Factor:
     assert sensed is not None
     node, dt = nearest_node(nodes, sensed.time)
     pick = np.flatnonzero(np.abs(dt) < HEADING_REACH_S)
-    value, scope = sensed.heading[pick], nodes.at(node[pick], sensed.time[pick])
-    sigma = np.full(len(pick), HEADING_SD)
-    return lambda x: [heading(value, sigma, scope, x)]
+    vehicle, layout = prep.setup.vehicle, prep.setup.layout
+    roll = float(vehicle.odometer.mount_b[1]) if vehicle.heading.heading_of == "vehicle" else None
+    bearing = Bearing(sensed.heading[pick], np.full(len(pick), HEADING_SD), roll)
+    scope = nodes.at(node[pick], sensed.time[pick])
+    return lambda x: [heading(bearing, layout, scope, x)]

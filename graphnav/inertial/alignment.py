@@ -4,7 +4,7 @@ The graph refines all of it; here only what an iteration needs to begin with, an
 vehicle file states. Tilt gets a loose prior: the accelerometers enter once, through the factors.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from graphnav.common import earth
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
 from graphnav.common.remark import Remark
-from graphnav.common.run import Array, Gnss, Run
+from graphnav.common.run import Array, Run
 from graphnav.inertial.angle_line import angle_line
 from graphnav.inertial.heading_evidence import Evidence, Weighed, weigh
 from graphnav.inertial.levelling import levelled, mean_rate, tilting_bias
-from graphnav.inertial.odometry import speed_at
-from graphnav.inertial.path_heading import STEP_S, PathHeading, Reckoned, path_heading, usual_speed
+from graphnav.inertial.pace import east_north, pace
+from graphnav.inertial.path_heading import STEP_S, PathHeading, Reckoned, path_heading
 from graphnav.reading.vehicle import Vehicle
 
 LOOSE_TILT, LOOSE_HEADING = np.deg2rad(5.0), np.deg2rad(30.0)
@@ -58,6 +58,7 @@ class Alignment:
     heading_sd: float = LOOSE_HEADING  # rad, of the evidence together
     path: PathHeading | None = None  # the reckoned path held against the fixes
     told: tuple[Remark, ...] = ()  # evidence that was outvoted
+    of_vehicle: bool = False  # the stated heading is the vehicle's: a factor of its own
 
 
 def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Alignment:
@@ -69,7 +70,7 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     standing = still_until > 0
     bias_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600
     rate = mean_rate(inc, still_until) if standing else np.zeros(3)
-    speed = _speed(run, origin, inc.edge)
+    speed = pace(run, inc.edge)
     bias = rate if standing else tilting_bias(inc, speed, bias_sd)
     R_level = levelled(inc, speed, still_until, bias)
     known_sd = _bias_sd(vehicle, still_until - inc.edge[0]) if standing else bias_sd
@@ -83,14 +84,15 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
         raise InputError(_unknown(run))
     if path is not None and abs(path.rate) > SIGNIFICANT * path.rate_sd:
         bias = bias + path.rate * R_level[2]
-    heading, sd, source = _prior(found)
+    heading, sd, source = _prior(found, vehicle)
     R_nb = so3.exp(np.array([0.0, 0.0, -heading])) @ R_level
     bias = bias - R_nb.T @ origin.Omega_n if standing else bias
     p_0, p_sd = first_position(run, vehicle, origin, float(inc.edge[0]))
     start = Start(R_nb, np.zeros(3), p_0, np.repeat([LOOSE_TILT, LOOSE_SPEED, p_sd], 3))
     start.sd[2] = sd
     told = (*_told(found), *_biased(bias, bias_sd))
-    return Alignment(origin, start, bias, source, found.sd, path, told)
+    of_vehicle = source == STATED and vehicle.start.heading_of == "vehicle"
+    return Alignment(origin, start, bias, source, found.sd, path, told, of_vehicle)
 
 
 @dataclass(frozen=True)
@@ -121,30 +123,14 @@ def _path(run: Run, turning: Turning, origin: Origin) -> PathHeading | None:
     gnss = run.gnss
     if gnss is None or len(gnss.time) < 2:
         return None
-    fixes = _fixes(gnss, origin)
+    fixes = east_north(gnss, origin)
     edge = turning.inc.edge
     time = np.arange(edge[0], edge[-1], STEP_S)
     sd = np.max(gnss.sd_enu[:, :2], axis=1)
-    speed = _speed(run, origin, time)
+    speed = pace(run, time)
     assert speed is not None
     reckoned = Reckoned(time, speed, np.interp(time, edge, turning.angle))
     return path_heading(reckoned, fixes, gnss.time, sd, turning.bias_sd)
-
-
-def _speed(run: Run, origin: Origin, at: Array) -> Array | None:
-    """Speed by the odometer or, without one, by the fixes, at times `at` (n,) s, m/s."""
-    if run.odometer is not None:
-        return speed_at(run.odometer, at, 0.25)
-    if run.gnss is None or len(run.gnss.time) < 2:
-        return None
-    sd = np.max(run.gnss.sd_enu[:, :2], axis=1)
-    return usual_speed(_fixes(run.gnss, origin), run.gnss.time, sd, at)
-
-
-def _fixes(gnss: Gnss, origin: Origin) -> np.ndarray[tuple[int, ...], np.dtype[np.complex128]]:
-    """East + i north of the fixes, (F,) m."""
-    p_n = origin.local(np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height)
-    return np.asarray(p_n[:, 0] + 1j * p_n[:, 1])
 
 
 def _evidence(
@@ -157,16 +143,23 @@ def _evidence(
 ) -> list[Evidence]:
     """Every source's heading of the IMU's forward axis at the start."""
     mounted, mount_sd = vehicle.odometer.mount_b[2], np.deg2rad(vehicle.odometer.mount_sd_deg)
-    stated, found = vehicle.start, []
+    stated, found = vehicle.start, list[Evidence]()
+
+    def of_imu(piece: Evidence) -> Evidence:
+        """The vehicle's heading told of the IMU's forward axis."""
+        sd = float(np.hypot(piece.sd, mount_sd))
+        return replace(piece, heading=piece.heading + float(mounted), sd=sd)
+
     if stated.heading_deg is not None:
         heading, sd = np.deg2rad([stated.heading_deg, stated.heading_sd_deg])
-        found.append(Evidence(float(heading), float(sd), STATED, STATED_GROSS))
+        piece = Evidence(float(heading), float(sd), STATED, STATED_GROSS)
+        found.append(of_imu(piece) if stated.heading_of == "vehicle" else piece)
     if run.heading is not None:
-        found.append(_sensed(run, turning, path))
+        piece = _sensed(run, turning, path)
+        found.append(of_imu(piece) if vehicle.heading.heading_of == "vehicle" else piece)
     if path is not None:
-        sd = float(np.hypot(path.sd, mount_sd))
         gross = max(PATH_GROSS, float(np.exp(-len(path.time))))
-        found.append(Evidence(path.heading + float(mounted), sd, PATH, gross))
+        found.append(of_imu(Evidence(path.heading, path.sd, PATH, gross)))
     # a rate that the Earth's rotation makes: its horizontal part points north
     compass_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600 / (earth.RATE * np.cos(origin.lat))
     if np.any(rate_level) and compass_sd < COMPASS_SD:
@@ -189,14 +182,16 @@ def _sensed(run: Run, turning: Turning, path: PathHeading | None) -> Evidence:
     return Evidence(line.angle, float(np.hypot(line.sd, SENSED_SD)), SENSED, SENSED_GROSS)
 
 
-def _prior(found: Weighed) -> tuple[float, float, str]:
-    """Heading, sigma and source of the first node's prior: what is stated, where it agrees.
+def _prior(found: Weighed, vehicle: Vehicle) -> tuple[float, float, str]:
+    """Heading, sigma and source of the first node's prior: what is stated of the IMU, where it
+    agrees.
 
     The other sources act through factors of their own, so their heading begins the iteration only.
     """
     for piece in found.agreeing:
         if piece.source == STATED and abs(piece.apart(found.heading)) < NEAR:
-            return piece.heading, piece.sd, STATED
+            sd = piece.sd if vehicle.start.heading_of == "imu" else float(LOOSE_HEADING)
+            return piece.heading, sd, STATED
     return found.heading, float(LOOSE_HEADING), found.agreeing[0].source
 
 

@@ -33,7 +33,6 @@ FASTEST_BIAS = np.deg2rad(6.0)  # rad/s; no gyro in use is worse
 APART_S = 64.0  # between slots that still make a displacement
 TRACKED_S = 30.0  # over which the heading's wander along the run is averaged
 FEWEST = 3  # slots that make a heading
-PACE_S = (0.5, 8.0)  # over which the fixes' own speed is taken; 1 m of sigma wants 3 s
 
 
 @dataclass(frozen=True)
@@ -182,13 +181,3 @@ def _tracked(phasor: Complex, weight: Array, time: Array) -> Array:
     begin = np.minimum(np.searchsorted(time, time - TRACKED_S / 2), np.arange(len(time)))
     end = np.searchsorted(time, time + TRACKED_S / 2, side="right")
     return np.unwrap(np.angle(total[end] - total[begin]))
-
-
-def usual_speed(fixes: Complex, time: Array, sd: Array, at: Array) -> Array:
-    """Speed of the fixes (F,) m at times `at` (n,) s, over spans that clear their errors, m/s."""
-    span = np.clip(CLEAR * float(np.median(sd)), *PACE_S)
-    begin, end = (
-        np.interp(at + half, time, fixes.real) + 1j * np.interp(at + half, time, fixes.imag)
-        for half in (-span / 2, span / 2)
-    )
-    return np.asarray(np.abs(end - begin) / span)

@@ -26,8 +26,9 @@ def check(run: Run, vehicle: Vehicle, use_gnss: bool = True) -> list[str]:
     _fatal(run, vehicle, use_gnss)
     findings = [*run.notes, *_assumed(vehicle, run.sides is not None)]
     if run.imu is not None:
-        plausibility.check_gravity(run, vehicle)
+        plausibility.check_gravity(run)
         plausibility.check_rates(run, vehicle)
+        findings += plausibility.check_up(run, vehicle)
         findings += _imu_findings(run, run.imu)
         findings += plausibility.driving_findings(run, vehicle)
     if run.odometer is not None:

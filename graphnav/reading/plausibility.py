@@ -4,7 +4,6 @@ Averages over one second decide, never single samples: a genuine jolt of 300 m/s
 """
 
 from dataclasses import dataclass
-from itertools import permutations, product
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from graphnav.common.earth import G_STANDARD, RATE, Origin
 from graphnav.common.errors import InputError
 from graphnav.common.run import Run
-from graphnav.reading.axes import DIRECTIONS, axes_matrix, axes_name
+from graphnav.reading.axes import COMMON, axes_matrix, axes_name, right_handed
 from graphnav.reading.units import DEG
 from graphnav.reading.vehicle import Vehicle
 
@@ -24,7 +23,6 @@ UP_SHARE = 0.8  # of gravity that must lie on the up axis (37 deg of slope)
 FAR_M = 300e3  # from the start, of the middle of the fixes
 TRAVELLED_M = 100.0  # between fixes; less may be their scatter
 DEG_CURE = 'set [columns] gyro = { unit = "deg/s" } in the vehicle file'
-COMMON = ("RFU", "FLU", "FRD", "LBU", "BRU", "RBD", "LFD", "BLD")
 
 
 @dataclass(frozen=True)
@@ -53,8 +51,8 @@ def seconds(run: Run) -> Seconds:
     return Seconds(force, rate, speed, gain)
 
 
-def check_gravity(run: Run, vehicle: Vehicle) -> None:
-    """InputError when the accelerometers do not read gravity, on the up axis, in m/s^2."""
+def check_gravity(run: Run) -> None:
+    """InputError when the accelerometers do not read gravity in m/s^2."""
     now = seconds(run)
     size = float(np.median(np.linalg.norm(now.force, axis=1)))
     for unit, g in (("g", 1.0), ("mg", 1000.0)):
@@ -68,12 +66,23 @@ def check_gravity(run: Run, vehicle: Vehicle) -> None:
             f"{run.path}: the accelerometers read {size:.3g} m/s^2 on the whole where gravity "
             "makes 9.8; set their unit under [columns] in the vehicle file (leave gravity in)"
         )
+
+
+def check_up(run: Run, vehicle: Vehicle) -> list[str]:
+    """A finding when gravity is not on the up axis; InputError on a rover, whose driving does not
+    tell how the IMU lies.
+    """
+    now = seconds(run)
     mean = np.median(now.force, axis=0)
-    if mean[2] < UP_SHARE * G_STANDARD:
-        raise InputError(
-            f"{run.path}: gravity lies on {_along(mean)}, not up (+z after [imu] axes = "
-            f'"{vehicle.imu.axes}"); axes = "{_likely_axes(now, mean, vehicle)}" would fit'
-        )
+    if mean[2] >= UP_SHARE * G_STANDARD:
+        return []
+    said = (
+        f"gravity lies on {_along(mean)}, not up (+z after [imu] axes = "
+        f'"{vehicle.imu.axes}"); axes = "{_likely_axes(now, mean, vehicle)}" would fit'
+    )
+    if vehicle.kind == "rover":
+        raise InputError(f"{run.path}: {said}")
+    return [said]
 
 
 def check_rates(run: Run, vehicle: Vehicle) -> None:
@@ -218,15 +227,4 @@ def _likely_axes(now: Seconds, mean: Array, vehicle: Vehicle) -> str:
         rank = -COMMON.index(axes) if axes in COMMON else -len(COMMON)
         return float(turn[2] @ up), round(float(turn[1] @ ahead), 1), rank
 
-    return max(_right_handed(), key=fit)
-
-
-def _right_handed() -> list[str]:
-    """The 24 axis orders there are."""
-    found = []
-    for order in permutations(("RL", "FB", "UD")):
-        for letters in product(*order):
-            matrix = np.array([DIRECTIONS[letter] for letter in letters], float)
-            if np.linalg.det(matrix) > 0:
-                found.append("".join(letters))
-    return found
+    return max(right_handed(), key=fit)

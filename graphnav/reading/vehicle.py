@@ -16,6 +16,7 @@ from graphnav.reading.axes import axes_matrix
 
 Array = NDArray[np.float64]
 Kind = Literal["tracked", "wheeled", "rover"]
+Bearer = Literal["imu", "vehicle"]
 Grade = Literal["navigation", "fog", "tactical", "mems"]
 # no length, angle or noise of a vehicle is larger; squares of larger ones leave a float's range
 LARGEST, SMALLEST = 1e9, 1e-12
@@ -173,7 +174,8 @@ class StartSpec(Section):
     lon: Annotated[Number, Field(ge=-180, le=360)] | None = key("longitude", "deg")
     height: Number | None = key("ellipsoidal height", "m")
     position_sd_m: Positive = key("1 sigma of each coordinate", "m", 0.1)
-    heading_deg: Number | None = key("heading of the IMU's forward axis from north", "deg")
+    heading_deg: Number | None = key("heading at the start, clockwise from north", "deg")
+    heading_of: Bearer = key("whose it is: the IMU's forward axis or the vehicle", default="imu")
     heading_sd_deg: Positive = key("1 sigma of the heading", "deg", 1.0)
 
     @model_validator(mode="after")
@@ -186,6 +188,12 @@ class StartSpec(Section):
     def has_position(self) -> bool:
         """Whether latitude and longitude are stated (a height not stated is 0)."""
         return self.lat is not None
+
+
+class HeadingSpec(Section):
+    """`[heading]`: the column `heading_deg` of a sun or star sensor or a dual antenna."""
+
+    heading_of: Bearer = key("whose it is: the IMU's forward axis or the vehicle", default="imu")
 
 
 class RoverSpec(Section):
@@ -220,6 +228,7 @@ class Vehicle(Section):
     imu: ImuSpec = ImuSpec()
     gnss: GnssSpec = GnssSpec()
     start: StartSpec = StartSpec()
+    heading: HeadingSpec = HeadingSpec()
     rover: RoverSpec = RoverSpec()
     columns: dict[str, Column] = {}
 

@@ -21,7 +21,7 @@ from factors.calibration import (
 )
 from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
-from factors.heading import heading
+from factors.heading import Bearing, heading
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.start import Start, start
 from factors.terrain_slip import WheelTrack, terrain_slip
@@ -253,4 +253,5 @@ def _heading(problem: RoverProblem) -> Factor:
     )
     value = seen.heading + rover.K_GUESS * turned
     sigma, scope = np.full(len(value), rover.heading_sd(seen, wheels)), nodes.at(node, seen.time)
-    return lambda x: [heading(value, sigma, scope, x)]
+    bearing = Bearing(value, sigma)
+    return lambda x: [heading(bearing, problem.layout, scope, x)]
