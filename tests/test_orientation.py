@@ -63,7 +63,7 @@ def test_any_rotation_is_found(seed: int) -> None:
     assert out.vehicle.start.heading_of == "vehicle"
 
 
-@pytest.mark.parametrize("yaw", [45.0, -20.0, 14.0])
+@pytest.mark.parametrize("yaw", [45.0, -20.0])
 def test_a_yaw_leaves_the_stated_heading_to_its_owner(yaw: float) -> None:
     R = so3.exp(np.array([0, 0, np.deg2rad(yaw)]))  # the front of the IMU lies to the right
     out, rest = found(R, vehicle(STATED, "mems"))
