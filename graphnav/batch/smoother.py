@@ -58,8 +58,8 @@ def smooth_batch(
     """
     progress("dead reckoning")
     nodes = _nodes(prep, np.zeros(0), prep.setup.interval)
-    estimate, path = first_path(prep, nodes)
-    reckoned = path
+    first = first_path(prep, nodes)
+    estimate, path, reckoned = first.estimate, first.path, first.reckoned
     progress("motion states")
     timeline = _recognised(prep, path, estimate, None)
     iterations = 0
