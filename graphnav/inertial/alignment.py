@@ -4,47 +4,38 @@ The graph refines all of it; here only what an iteration needs to begin with, an
 vehicle file states. Tilt gets a loose prior: the accelerometers enter once, through the factors.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from factors import so3
 from factors.preintegration import Increments
 from factors.start import Start
-from graphnav.common import earth
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
 from graphnav.common.remark import Remark
 from graphnav.common.run import Array, Run
-from graphnav.inertial.angle_line import angle_line
-from graphnav.inertial.heading_evidence import Evidence, Weighed, weigh
+from graphnav.inertial.heading_evidence import Weighed, weigh
+from graphnav.inertial.heading_sources import (
+    CURES,
+    STATED,
+    Rest,
+    Turning,
+    evidence,
+    reckoned_on_fixes,
+)
 from graphnav.inertial.levelling import levelled, mean_rate, tilting_bias
-from graphnav.inertial.pace import east_north, pace
-from graphnav.inertial.path_heading import STEP_S, PathHeading, Reckoned, path_heading
+from graphnav.inertial.pace import pace
+from graphnav.inertial.path_heading import PathHeading
 from graphnav.reading.vehicle import Vehicle
 
 LOOSE_TILT, LOOSE_HEADING = np.deg2rad(5.0), np.deg2rad(30.0)
 LOOSE_SPEED, LOOSE_POSITION = 30.0, 300.0  # m/s, m
-COMPASS_SD = np.deg2rad(5.0)  # a gyrocompass worse than this is not used
-SENSED_SD = np.deg2rad(1.0)  # of a sample of the heading sensor
-SENSED_S = 600.0  # of the run over which the gyro carries the sensed headings to the start
 LATE_FIX_S = 30.0  # a first fix later than this leaves the start to what is stated
 LEAST_BIAS = np.deg2rad(20.0) / 3600  # rad/s, a driving gyro may be off by at least
 SIGNIFICANT = 3.0  # sigma of a rate that is taken for bias
 NEAR = np.deg2rad(10.0)  # a stated heading further from the agreed one begins no iteration
 WORST_SD = np.deg2rad(40.0)  # a heading known worse is not known
-# chance of being grossly wrong: people turn the sign or mean another axis; sensors sit askew; a
-# path of many slots is what all sensors say together
-STATED_GROSS, SENSED_GROSS, COMPASS_GROSS, PATH_GROSS = 0.02, 0.02, 1e-3, 1e-6
-STATED, SENSED, COMPASS, PATH = (
-    "stated in [start]", "external heading", "gyrocompass", "satellite course",
-)  # fmt: skip
-CURES = {
-    STATED: "correct or leave out [start] heading_deg",
-    SENSED: "check what the heading sensor's zero points to, or leave its column out",
-    COMPASS: "state the gyros' true [imu] grade or gyro_bias_deg_h",
-    PATH: "check the fixes, and the direction of the odometer",
-}
 
 
 @dataclass(frozen=True)
@@ -73,10 +64,10 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     speed = pace(run, inc.edge)
     bias = rate if standing else tilting_bias(inc, speed, bias_sd)
     R_level = levelled(inc, speed, still_until, bias)
-    known_sd = _bias_sd(vehicle, still_until - inc.edge[0]) if standing else bias_sd
-    turning = Turning(inc, R_level[2], bias, max(known_sd, LEAST_BIAS))
-    path = _path(run, turning, origin)
-    pieces = _evidence(run, vehicle, turning, path, R_level @ rate, origin)
+    rest = _rest(vehicle, R_level @ rate, still_until - inc.edge[0]) if standing else None
+    turning = Turning(inc, R_level[2], bias, max(rest.sd if rest else bias_sd, LEAST_BIAS))
+    path = reckoned_on_fixes(run, turning, origin)
+    pieces = evidence(run, vehicle, turning, path, rest, origin)
     if not pieces:
         raise InputError(_unknown(run))
     found = weigh(pieces)
@@ -95,91 +86,10 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     return Alignment(origin, start, bias, source, found.sd, path, told, of_vehicle)
 
 
-@dataclass(frozen=True)
-class Turning:
-    """The gyro about the vertical of the start."""
-
-    inc: Increments
-    up_b: Array  # (3,) the vertical in the body at the start
-    bias: Array  # (3,) rad/s, taken off
-    bias_sd: float  # rad/s, of what is left
-
-    @property
-    def angle(self) -> Array:
-        """Turned to the left since the start at every edge, (M + 1,) rad."""
-        dt = np.diff(self.inc.edge)[:, None]
-        turn = (self.inc.rotation - self.bias * dt) @ self.up_b
-        return np.concatenate([[0.0], np.cumsum(turn)])
-
-
-def _bias_sd(vehicle: Vehicle, rested: float) -> float:
-    """What the gyro's noise leaves unknown of its bias after a rest of some seconds, rad/s."""
+def _rest(vehicle: Vehicle, rate_level: Array, seconds: float) -> Rest:
+    """The mean rate of a standing start of some seconds."""
     noise = np.deg2rad(vehicle.imu.gyro_noise_deg_sqrt_h) / 60
-    return float(noise / np.sqrt(max(rested, 1.0)))
-
-
-def _path(run: Run, turning: Turning, origin: Origin) -> PathHeading | None:
-    """The path reckoned with the odometer, or at the fixes' own pace, held against the fixes."""
-    gnss = run.gnss
-    if gnss is None or len(gnss.time) < 2:
-        return None
-    fixes = east_north(gnss, origin)
-    edge = turning.inc.edge
-    time = np.arange(edge[0], edge[-1], STEP_S)
-    sd = np.max(gnss.sd_enu[:, :2], axis=1)
-    speed = pace(run, time)
-    assert speed is not None
-    reckoned = Reckoned(time, speed, np.interp(time, edge, turning.angle))
-    return path_heading(reckoned, fixes, gnss.time, sd, turning.bias_sd)
-
-
-def _evidence(
-    run: Run,
-    vehicle: Vehicle,
-    turning: Turning,
-    path: PathHeading | None,
-    rate_level: Array,
-    origin: Origin,
-) -> list[Evidence]:
-    """Every source's heading of the IMU's forward axis at the start."""
-    mounted, mount_sd = vehicle.odometer.mount_b[2], np.deg2rad(vehicle.odometer.mount_sd_deg)
-    stated, found = vehicle.start, list[Evidence]()
-
-    def of_imu(piece: Evidence) -> Evidence:
-        """The vehicle's heading told of the IMU's forward axis."""
-        sd = float(np.hypot(piece.sd, mount_sd))
-        return replace(piece, heading=piece.heading + float(mounted), sd=sd)
-
-    if stated.heading_deg is not None:
-        heading, sd = np.deg2rad([stated.heading_deg, stated.heading_sd_deg])
-        piece = Evidence(float(heading), float(sd), STATED, STATED_GROSS)
-        found.append(of_imu(piece) if stated.heading_of == "vehicle" else piece)
-    if run.heading is not None:
-        piece = _sensed(run, turning, path)
-        found.append(of_imu(piece) if vehicle.heading.heading_of == "vehicle" else piece)
-    if path is not None:
-        gross = max(PATH_GROSS, float(np.exp(-len(path.time))))
-        found.append(of_imu(Evidence(path.heading, path.sd, PATH, gross)))
-    # a rate that the Earth's rotation makes: its horizontal part points north
-    compass_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600 / (earth.RATE * np.cos(origin.lat))
-    if np.any(rate_level) and compass_sd < COMPASS_SD:
-        north = float(np.arctan2(-rate_level[0], rate_level[1]))
-        found.append(Evidence(north, float(compass_sd), COMPASS, COMPASS_GROSS))
-    return found
-
-
-def _sensed(run: Run, turning: Turning, path: PathHeading | None) -> Evidence:
-    """All headings of the sensor, carried to the start by the gyro."""
-    assert run.heading is not None
-    time = run.heading.time - turning.inc.edge[0]
-    rate = path.rate if path is not None else 0.0
-    on = time <= time[0] + SENSED_S
-    carried = np.interp(run.heading.time, turning.inc.edge, turning.angle) - rate * time
-    phasor = np.exp(1j * (run.heading.heading + carried))[on]
-    weight = np.full(int(on.sum()), SENSED_SD**-2.0)
-    line = angle_line(phasor, time[on], weight, turning.bias_sd)
-    # samples share what the sensor's mounting is off by
-    return Evidence(line.angle, float(np.hypot(line.sd, SENSED_SD)), SENSED, SENSED_GROSS)
+    return Rest(rate_level, float(noise / np.sqrt(max(seconds, 1.0))))
 
 
 def _prior(found: Weighed, vehicle: Vehicle) -> tuple[float, float, str]:

@@ -16,12 +16,19 @@ import numpy as np
 from factors import so3
 from factors.preintegration import Increments
 from graphnav.common.run import Array
+from graphnav.inertial.angle_line import Complex
 
 SLOTS_S = (1.0, 2.0, 4.0)  # over which accelerations are averaged; the length that tells most
 FEWEST = 10  # slots
 SIZE = (0.15, 6.0)  # of |c|: an odometer in km/h makes 0.28, in mph 0.45; 1 when all is right
-EXPLAINED = 0.1  # of the felt force's variance, at least
+EXPLAINED = 0.3  # of the felt force's variance, at least
 WORST_SD = np.deg2rad(15.0)  # a front known worse is not known
+USUAL = 0.3  # m/s^2, hills and bumps in the mean of a slot
+# share of the centripetal force that the speed does not tell, and what that may turn the front by
+ROLLING, ROLLING_SD = 0.2, np.deg2rad(1.0)
+SKIDDING, SKIDDING_SD = 1.0, np.deg2rad(3.0)
+REWEIGHTED = 6  # rounds
+LAGS = 5  # slots that share hills
 MIRRORED = 1.7  # times less is left unexplained by exchanged sides
 
 
@@ -49,12 +56,16 @@ class _Fit:
         return self.left < 1 - EXPLAINED and SIZE[0] < self.size < SIZE[1] and self.sd < WORST_SD
 
 
-def lie(inc: Increments, speed: Array | None) -> Lie:
-    """How the IMU lies, from increments and the speed (M + 1,) m/s at their edges."""
+def lie(inc: Increments, speed: Array | None, skids: bool = False) -> Lie:
+    """How the IMU lies, from increments and the speed (M + 1,) m/s at their edges.
+
+    `skids`: the vehicle turns by its tracks, whose speed is not its own then (A17-A23).
+    """
+    unsure, least = (SKIDDING, SKIDDING_SD) if skids else (ROLLING, ROLLING_SD)
     R_lb = upright(inc)
     if speed is None:
         return Lie(R_lb, np.inf)
-    pairs = [pair for length in SLOTS_S if (pair := _fits(inc, speed, R_lb, length))]
+    pairs = [pair for length in SLOTS_S if (pair := _fits(inc, speed, R_lb, length, unsure))]
     better = [
         mirror if proper.left > MIRRORED * mirror.left else proper for proper, mirror in pairs
     ]
@@ -65,7 +76,7 @@ def lie(inc: Increments, speed: Array | None) -> Lie:
     # conj(a) is -a with right and left exchanged
     alpha = best.alpha + np.pi if best.mirrored else best.alpha
     turn = so3.exp(np.array([0.0, 0.0, -alpha]))
-    return Lie(turn @ R_lb, best.sd, best.mirrored)
+    return Lie(turn @ R_lb, float(np.hypot(best.sd, least)), best.mirrored)
 
 
 def upright(inc: Increments) -> Array:
@@ -79,7 +90,9 @@ def upright(inc: Increments) -> Array:
     return np.asarray(so3.exp(axis / size * np.arctan2(size, up[2])))
 
 
-def _fits(inc: Increments, speed: Array, R_lb: Array, length: float) -> tuple[_Fit, _Fit] | None:
+def _fits(
+    inc: Increments, speed: Array, R_lb: Array, length: float, unsure: float
+) -> tuple[_Fit, _Fit] | None:
     """Both fits over slots of a length; None where there are too few of them."""
     edges = np.unique(np.searchsorted(inc.edge, np.arange(inc.edge[0], inc.edge[-1], length)))
     if len(edges) < FEWEST:
@@ -96,20 +109,34 @@ def _fits(inc: Increments, speed: Array, R_lb: Array, length: float) -> tuple[_F
     turn = mean(inc.rotation[:last] @ R_lb[2])
     driven = -mean(way) * turn + 1j * np.diff(speed[edges]) / T
     on = T / length < 1.5  # no gap in it
-    felt, driven = felt[on] - felt[on].mean(), driven[on] - driven[on].mean()
-    if not np.sum(np.abs(driven) ** 2) > 0:
+    felt, driven = felt[on], driven[on]
+    if np.ptp(driven.real) + np.ptp(driven.imag) == 0:
         return None
-    return _fit(felt, driven, False), _fit(felt, driven.conj(), True)
+    weight = 1 / (1 + (unsure * driven.real / USUAL) ** 2)
+    return _fit(felt, driven, weight, False), _fit(felt, driven.conj(), weight, True)
 
 
-def _fit(felt: Array, driven: Array, mirrored: bool) -> _Fit:
-    """Least squares; neighbouring slots share hills, so their errors' correlation widens sigma."""
-    power, whole = float(np.sum(np.abs(driven) ** 2)), float(np.sum(np.abs(felt) ** 2))
-    c = complex(np.vdot(driven, felt)) / power
-    error = felt - c * driven
-    rest = float(np.sum(np.abs(error) ** 2)) + 1e-12
-    shared = float(np.clip(np.vdot(error[:-1], error[1:]).real / rest, 0.0, 0.95))
-    variance = rest / len(felt) / 2 / power * (1 + shared) / (1 - shared)
+def _fit(felt: Complex, driven: Complex, trust: Array, mirrored: bool) -> _Fit:
+    """Least squares with Cauchy weights beside `trust` (n,), about the weighted means.
+
+    The sigma is the sandwich estimate with the correlation of neighbouring slots, which share
+    hills (Newey and West 1987).
+    """
+    weight = trust
+    for _ in range(REWEIGHTED):
+        f = felt - np.average(felt, weights=weight)
+        a = driven - np.average(driven, weights=weight)
+        power = float(np.sum(weight * np.abs(a) ** 2)) + 1e-12
+        c = complex(np.sum(weight * a.conj() * f)) / power
+        error = f - c * a
+        spread = float(np.median(np.abs(error))) + 1e-6
+        used, weight = weight, trust / (1 + (np.abs(error) / (3 * spread)) ** 2)
     size = max(abs(c), 1e-12)
-    left = rest / max(whole, 1e-12)
-    return _Fit(float(np.angle(c)), float(np.sqrt(variance)) / size, size, left, mirrored)
+    pull = used * (a.conj() * error * c.conjugate()).imag / (size**2 * power)  # on alpha
+    shared = sum((1 - k / LAGS) * float(pull[k:] @ pull[:-k]) for k in range(1, LAGS))
+    own = used * np.abs(a) ** 2
+    few = float(own.sum()) ** 2 / float(own @ own)  # slots that carry the answer
+    variance = max(float(pull @ pull) + 2 * shared, 0.25 * float(pull @ pull))
+    variance *= np.inf if few < FEWEST else 1 + FEWEST / few
+    left = float(used @ np.abs(error) ** 2) / max(float(used @ np.abs(f) ** 2), 1e-12)
+    return _Fit(float(np.angle(c)), float(np.sqrt(variance)), size, left, mirrored)

@@ -41,7 +41,7 @@ def oriented(run: Run, vehicle: Vehicle, inc: Increments) -> Oriented:
     Raises InputError where the axes are mirrored, or gravity is off the up axis and driving does
     not tell where the front is.
     """
-    found = lie(inc, pace(run, inc.edge))
+    found = lie(inc, pace(run, inc.edge), skids=vehicle.kind == "tracked")
     if found.mirrored:
         raise InputError(_mirrored(run, vehicle, found))
     # from the axes as read to those in which the stated mounting holds
