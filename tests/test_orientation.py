@@ -92,6 +92,22 @@ def test_mirrored_axes_are_refused_with_the_exchange_that_cures(turn: str, axes:
         found(M[turn], vehicle(STATED, "mems"))
 
 
+def test_fixes_tell_mirrored_axes_from_a_gyro_that_turns_the_wrong_way() -> None:
+    run, fixes = driven(np.eye(3)), moving(20.0).gnss
+    assert run.imu is not None
+    imu = run.imu
+    back = replace(imu, gyro=imu.gyro * [1, 1, -1])
+    x = np.diag([-1.0, 1, 1])
+    mirrored = replace(imu, gyro=imu.gyro @ x, accel=imu.accel @ x)
+    for wrong, said in ((back, "gyro_z counts the other way"), (mirrored, "axes are mirrored")):
+        with pytest.raises(InputError, match=said) as error:
+            changed = replace(run, imu=wrong, gnss=fixes)
+            oriented(changed, vehicle(STATED, "mems"), increments(wrong))
+        assert "; or gyro_z" not in str(error.value)
+        with pytest.raises(InputError, match="; or gyro_z counts the wrong way"):
+            oriented(replace(run, imu=wrong), vehicle(STATED, "mems"), increments(wrong))
+
+
 def test_without_speed_only_gravity_tells() -> None:
     run = replace(driven(axes_matrix("FRD").T), odometer=None)
     assert run.imu is not None

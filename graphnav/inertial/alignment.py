@@ -66,7 +66,7 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     R_level = levelled(inc, speed, still_until, bias)
     rest = _rest(vehicle, R_level @ rate, still_until - inc.edge[0]) if standing else None
     turning = Turning(inc, R_level[2], bias, max(rest.sd if rest else bias_sd, LEAST_BIAS))
-    path = reckoned_on_fixes(run, turning, origin)
+    path = reckoned_on_fixes(run, turning)
     pieces = evidence(run, vehicle, turning, path, rest, origin)
     if not pieces:
         raise InputError(_unknown(run))

@@ -56,12 +56,12 @@ class Rest:
     sd: float  # rad/s, what its noise leaves unknown
 
 
-def reckoned_on_fixes(run: Run, turning: Turning, origin: Origin) -> PathHeading | None:
+def reckoned_on_fixes(run: Run, turning: Turning) -> PathHeading | None:
     """The path reckoned with the odometer, or at the fixes' own pace, held against the fixes."""
     gnss = run.gnss
     if gnss is None or len(gnss.time) < 2:
         return None
-    fixes = east_north(gnss, origin)
+    fixes = east_north(gnss)
     edge = turning.inc.edge
     time = np.arange(edge[0], edge[-1], STEP_S)
     sd = np.max(gnss.sd_enu[:, :2], axis=1)

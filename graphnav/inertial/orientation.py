@@ -13,7 +13,8 @@ from factors.preintegration import Increments
 from graphnav.common.errors import InputError
 from graphnav.common.remark import Remark
 from graphnav.common.run import Array, Run
-from graphnav.inertial.mounting import Lie, lie
+from graphnav.inertial.heading_sources import Turning, reckoned_on_fixes
+from graphnav.inertial.mounting import Lie, lie, upright
 from graphnav.inertial.pace import pace
 from graphnav.reading.axes import axes_matrix, axes_name, right_handed
 from graphnav.reading.vehicle import StartSpec, Vehicle
@@ -22,6 +23,7 @@ UPRIGHT = np.cos(np.deg2rad(37.0))  # of the up axis; further no vehicle tilts o
 TILTED = np.deg2rad(3.0)  # of a whole run's ground, one sigma
 SIGMAS_FRONT, SIGMAS_STATED = 4.0, 3.0
 OVERRULED = np.deg2rad(50.0)  # a turn that makes another axis order likelier than a mounting
+CLEARLY = 0.1  # of the slots' agreement by which the fixes tell the sense of turning
 FAR_OFF = np.deg2rad(10.0)  # of a stated heading, beyond which a result is of no use
 
 
@@ -43,7 +45,7 @@ def oriented(run: Run, vehicle: Vehicle, inc: Increments) -> Oriented:
     """
     found = lie(inc, pace(run, inc.edge), skids=vehicle.kind == "tracked")
     if found.mirrored:
-        raise InputError(_mirrored(run, vehicle, found))
+        raise InputError(_mirrored(run, vehicle, inc, found))
     # from the axes as read to those in which the stated mounting holds
     R_new = so3.exp(vehicle.odometer.mount_b) @ found.R_mb
     mount_sd = np.deg2rad(vehicle.odometer.mount_sd_deg)
@@ -176,15 +178,38 @@ def _lying(run: Run, vehicle: Vehicle, inc: Increments) -> str:
     )
 
 
-def _mirrored(run: Run, vehicle: Vehicle, found: Lie) -> str:
-    """Left-handed axes, with the exchange of columns that makes them right-handed."""
+def _mirrored(run: Run, vehicle: Vehicle, inc: Increments, found: Lie) -> str:
+    """In bends the force pulls to the wrong side: left-handed axes, or a gyro that turns the wrong
+    way; fixes tell which.
+    """
     # R_mb leads to the vehicle's axes with right and left exchanged
     true = np.diag([-1.0, 1.0, 1.0]) @ found.R_mb @ vehicle.imu.axes_matrix
     letters = axes_name(np.round(true)) if np.abs(true - np.round(true)).max() < 0.3 else ""
-    cure = f"{letters[1]}{letters[0]}{letters[2]}" if letters else ""
-    said = f", x, y, z pointing to {letters}" if letters else ""
-    return (
-        f"{run.path}: the IMU's axes are mirrored{said}: in bends the force pulls to the wrong "
-        'side; exchange x and y under [columns] (gyro_x = "gyro_y", gyro_y = "gyro_x", accel_x = '
-        f'"accel_y", accel_y = "accel_x")' + (f' and set [imu] axes = "{cure}"' if cure else "")
+    cure = f' and set [imu] axes = "{letters[1]}{letters[0]}{letters[2]}"' if letters else ""
+    pointing = f", x, y, z pointing to {letters}" if letters else ""
+    backward = _turns_backward(run, vehicle, inc)
+    exchange = (
+        'exchange x and y under [columns] (gyro_x = "gyro_y", gyro_y = "gyro_x", accel_x = '
+        f'"accel_y", accel_y = "accel_x"){cure}'
     )
+    if backward:
+        return (
+            f"{run.path}: gyro_z counts the other way round than the fixes turn and the "
+            "accelerometers' axes say: change its sign in the run file"
+        )
+    other = "" if backward is not None else "; or gyro_z counts the wrong way: change its sign"
+    return (
+        f"{run.path}: the IMU's axes are mirrored{pointing}: in bends the force pulls to the wrong "
+        f"side; {exchange}{other}"
+    )
+
+
+def _turns_backward(run: Run, vehicle: Vehicle, inc: Increments) -> bool | None:
+    """Whether the fixes turn against the gyro; None where they do not tell."""
+    bias_sd = float(np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600)
+    up = upright(inc)[2]
+    both = [reckoned_on_fixes(run, Turning(inc, way * up, np.zeros(3), bias_sd)) for way in (1, -1)]
+    if both[0] is None or both[1] is None:
+        return None
+    gained = both[1].agreement - both[0].agreement
+    return None if abs(gained) < CLEARLY else gained > 0

@@ -19,8 +19,7 @@ def pace(run: Run, at: Array) -> Array | None:
     gnss = run.gnss
     if gnss is None or len(gnss.time) < 2:
         return None
-    lat, lon = np.deg2rad([gnss.lat_deg[0], gnss.lon_deg[0]]).tolist()
-    fixes = east_north(gnss, Origin(lat, lon, 0.0))
+    fixes = east_north(gnss)
     span = np.clip(CLEAR * float(np.median(gnss.sd_enu[:, :2])), *SPAN_S)
     begin, end = (
         np.interp(at + half, gnss.time, fixes.real)
@@ -30,7 +29,9 @@ def pace(run: Run, at: Array) -> Array | None:
     return np.asarray(np.abs(end - begin) / span)
 
 
-def east_north(gnss: Gnss, origin: Origin) -> Complex:
-    """East + i north of the fixes, (F,) m."""
-    p_n = origin.local(np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height)
+def east_north(gnss: Gnss) -> Complex:
+    """East + i north of the fixes from the one in the middle of the run, (F,) m."""
+    lat, lon, height = np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
+    k = len(lat) // 2
+    p_n = Origin(float(lat[k]), float(lon[k]), float(height[k])).local(lat, lon, height)
     return np.asarray(p_n[:, 0] + 1j * p_n[:, 1])

@@ -61,6 +61,7 @@ class PathHeading:
     rate_sd: float  # rad/s
     time: Array  # (K,) s, middles of the slots
     turn: Array  # (K,) rad to the left the path still wants beyond heading and rate
+    agreement: float  # of the slots on one heading, 0 to 1
 
 
 @dataclass(frozen=True)
@@ -104,7 +105,11 @@ def path_heading(
     line = angle_line(phasor[first], since[first], slots.weight[first], bias_sd)
     left = phasor * np.exp(-1j * (line.angle + line.slope * since))
     wander = _tracked(left, slots.weight, slots.time)
-    return PathHeading(-line.angle, line.sd, rate - line.slope, line.slope_sd, slots.time, wander)
+    agreement = abs(np.sum(slots.weight[first] * left[first])) / np.sum(slots.weight[first])
+    error = rate - line.slope
+    return PathHeading(
+        -line.angle, line.sd, error, line.slope_sd, slots.time, wander, float(agreement)
+    )
 
 
 def _best_slots(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array) -> _Slots | None:
