@@ -363,3 +363,21 @@ def test_both_sides_take_part_in_the_stream(tmp_path: Path) -> None:
     kinds = {block.kind for block in graph.whole(graph.everything()).linearise(graph.everything())}
     assert "track_width" in kinds
     assert incremental.distance_from_batch(graph) < 0.05
+
+
+def test_a_stream_that_began_in_a_wrong_direction_begins_again(tmp_path: Path) -> None:
+    """A stated heading 150 degrees wrong is followed only until the fixes contradict it."""
+    simulate("wheeled", tmp_path / "run", 11, duration=200.0, grade="mems", gnss=True)
+    vehicle = tmp_path / "run" / "vehicle.toml"
+    text = vehicle.read_text()
+    stated = text.split("heading_deg = ")[1].split("\n")[0]
+    vehicle.write_text(text.replace(stated, f"{(float(stated) + 150) % 360:.4f}"))
+    of = load_vehicle(vehicle, vehicle)
+    run = read_run(next((tmp_path / "run").glob("run.csv*")), of)
+    prep = prepare(run, of, use_gnss=True, outages=())
+    stream = incremental.replayed(prep, None, piece=5.0)
+    truth = pd.read_csv(next((tmp_path / "run").glob("truth.csv*")))
+    known = stream.history[-1]
+    last = truth.iloc[(truth["time"] - known.time).abs().argmin()]
+    assert abs((known.heading_deg - last["heading_deg"] + 180) % 360 - 180) < 3.0
+    assert all(a.time < b.time for a, b in zip(stream.history, stream.history[1:], strict=False))

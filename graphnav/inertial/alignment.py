@@ -11,6 +11,7 @@ import numpy as np
 from factors import so3
 from factors.preintegration import Increments
 from factors.start import Start
+from graphnav.common.angles import angles_of_rotation
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
 from graphnav.common.remark import Remark
@@ -50,6 +51,11 @@ class Alignment:
     path: PathHeading | None = None  # the reckoned path held against the fixes
     told: tuple[Remark, ...] = ()  # evidence that was outvoted
     of_vehicle: bool = False  # the stated heading is the vehicle's: a factor of its own
+
+    @property
+    def heading(self) -> float:
+        """Of the IMU's forward axis at the start, rad."""
+        return float(angles_of_rotation(self.start.R_nb)[2])
 
 
 def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Alignment:

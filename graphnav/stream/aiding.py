@@ -28,6 +28,10 @@ class Aiding:
         self._headings.append(np.column_stack([time, heading]))
         _thin(self._stops[1], time)
 
+    def rewind(self) -> None:
+        """Headings may find their nodes once more."""
+        self._used = 0
+
     def until(self, time: float) -> tuple[Gnss | None, ExternalHeading | None]:
         """Everything up to a time."""
         headings = self._headings.rows

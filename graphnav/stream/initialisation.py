@@ -24,6 +24,9 @@ from graphnav.stream.aiding import Aiding, usual_fix
 from graphnav.stream.intake import Sensors
 
 LONGEST_REST_S = 120.0  # of a standing start that is waited for before aligning
+GROWTH = 1.2  # of the run between looks at whether its heading still holds
+CONFIRMED_SD, CONFIRMING = np.deg2rad(3.0), 20  # of a path's heading; slots it rests on
+APART = np.deg2rad(10.0)  # a heading so far off begins anew, a lesser error the graph mends
 FEW_FIXES, FIXES_WITHIN_S = 10, 30.0  # fixes that make the origin, waited for so long
 
 
@@ -45,6 +48,7 @@ class Initialisation:
         self._looked = 0.0  # s, until when it was tried
         self.why: InputError | None = None  # it was not possible
         self.aligned = 0.0  # s, when it was
+        self._confirmed = False  # by a path held against the fixes
 
     def attempt(self, ready: int, last: bool = False) -> Setup | None:
         """The alignment with all that goes with it, once possible with the judged increments.
@@ -59,6 +63,25 @@ class Initialisation:
             if found is not None:
                 return found
         return self._tried(ready, waits=False) if last and ready else None
+
+    def contradicted(self, held: Alignment, ready: int) -> Setup | None:
+        """Another alignment, once the fixes that came since speak against the one in use.
+
+        Looked for each time the run has grown by `GROWTH`, until a path confirms the heading.
+        """
+        edge = self._sensors.inertial.edge.rows
+        now = float(edge[ready] - edge[0])
+        if self._confirmed or now < GROWTH * self._looked:
+            return None
+        self._looked = now
+        setup = self._tried(ready, waits=False)
+        if setup is None or setup.alignment.path is None:
+            return None
+        path = setup.alignment.path
+        self._confirmed = path.sd < CONFIRMED_SD and len(path.time) >= CONFIRMING
+        off = abs(setup.alignment.heading - held.heading + np.pi) % (2 * np.pi) - np.pi
+        limit = max(APART, 3 * setup.alignment.heading_sd)
+        return setup if abs(off) > limit else None
 
     def _tried(self, until: int, waits: bool) -> Setup | None:
         """The alignment with the first `until` increments, unless more is worth waiting for."""

@@ -12,12 +12,13 @@ from factors.preintegration import Increments
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array
 from graphnav.graph.nodes import INTERVAL_S, room_of
+from graphnav.graph.preparation import Setup
 from graphnav.inertial.standstill import rocking
 from graphnav.reading.read import FASTEST
 from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.corrections import Correction
 from graphnav.stream.aiding import Aiding
-from graphnav.stream.causal_estimate import CausalEstimate
+from graphnav.stream.causal_estimate import CausalEstimate, shares
 from graphnav.stream.causal_states import CausalStates
 from graphnav.stream.incremental_graph import IncrementalGraph
 from graphnav.stream.initialisation import Initialisation
@@ -200,6 +201,8 @@ class Smoother:
         self._heard.rest.advance(self._heard.inertial, self._heard.odometer, ready)
         if self.graph is None:
             self._begin(ready, last)
+        elif self._expects:
+            self._begin_again(ready)
         if self.graph is None:
             return
         while True:
@@ -231,10 +234,21 @@ class Smoother:
         """Start the graph when the alignment is done."""
         setup = self._beginning.attempt(ready, last)
         if setup is not None:
-            self._aligned = self._beginning.aligned
-            self.graph = IncrementalGraph(
-                NodeLog(setup, self._heard, self._aiding), self._lag, self._states.every_s
-            )
+            self._started(setup)
+
+    def _begin_again(self, ready: int) -> None:
+        """Build the graph anew where fixes have shown that it began in a wrong direction."""
+        assert self.graph is not None
+        setup = self._beginning.contradicted(self.graph.log.setup.alignment, ready)
+        if setup is not None:
+            self._aiding.rewind()
+            self._states = CausalStates(self.vehicle)
+            self._started(setup)
+
+    def _started(self, setup: Setup) -> None:
+        self._aligned = self._beginning.aligned
+        log = NodeLog(setup, self._heard, self._aiding)
+        self.graph = IncrementalGraph(log, self._lag, self._states.every_s)
 
     def _nodes(self, edges: list[int], due: float) -> None:
         """More nodes, and what is known with each."""
@@ -250,7 +264,7 @@ class Smoother:
             newest = self._known(node)
             found.append((newest, [newest] if self._lag is None else self._leaving(float(t))))
             marks.append(perf_counter())
-        spent = _shares(np.diff(marks), perf_counter() - marks[-1])
+        spent = shares(np.diff(marks), perf_counter() - marks[-1])
         for (newest, told), latency, t in zip(found, spent, times, strict=True):
             if t >= self._aligned - 1.0:  # before, the vehicle did not know yet: made up for
                 self._newest = replace(newest, latency=latency)
@@ -282,15 +296,3 @@ class Smoother:
         self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]], graph.log.setup.noise.gyro)
         usual = np.median(list(self._rocking.values()), axis=0)
         graph.log.rocking = usual
-
-
-def _shares(spans: Array, sweep: float) -> list[float]:
-    """Seconds spent on each of the nodes that were linearised together, in the first one's span;
-    a sweep over the whole run after them is the last one's.
-    """
-    own = spans.copy()
-    if len(own) > 1:
-        own[0] = own[1:].mean()
-    own += (spans[0] - own[0]) / len(own)
-    own[-1] += sweep
-    return list(own.tolist())
