@@ -20,7 +20,8 @@ from graphnav.common.run import (
     Run,
     SideSpeeds,
 )
-from graphnav.reading.columns import ACCEL, GNSS, GNSS_SD, GYRO, LINKS, SIDES, STEERS, WHEELS
+from graphnav.reading.columns import ACCEL, GNSS, GYRO, LINKS, SIDES, STEERS, WHEELS
+from graphnav.reading.fixes import read_fixes
 from graphnav.reading.inertial_rows import inertial
 from graphnav.reading.samples import Rows, Samples, missing_column, read_samples
 from graphnav.reading.table_file import open_table
@@ -29,7 +30,6 @@ from graphnav.reading.vehicle import Vehicle
 Array = NDArray[np.float64]
 FASTEST = 150.0  # m/s: a counter that implies more has wrapped or was reset
 FULL_TURN_DEG = 360.0  # receivers write figures beyond it while they have no heading
-CARRIED_S = 0.2  # a fix repeated sooner is no new one
 
 
 @dataclass(frozen=True)
@@ -181,45 +181,11 @@ def _sides(reader: _Reader) -> SideSpeeds | None:
 
 
 def _gnss(reader: _Reader) -> Gnss | None:
-    samples = reader.samples
-    if not samples.has(GNSS):
+    if not reader.samples.has(GNSS):
         return None
-    rows, fix = samples.group(GNSS, "a GNSS fix")
-    sd = _gnss_sd(reader, rows)
-    nowhere = (fix[:, 0] == 0) & (fix[:, 1] == 0)
-    if nowhere.any():
-        reader.notes.append(
-            f"{int(nowhere.sum())} GNSS fixes at 0, 0 are receivers' blanks: left out"
-        )
-        rows, fix, sd = rows[~nowhere], fix[~nowhere], sd[~nowhere]
-    again = _repeated(reader.time(rows), fix)
-    if again.any():
-        reader.notes.append(f"{int(again.sum())} GNSS rows repeat the fix before: left out")
-        rows, fix, sd = rows[~again], fix[~again], sd[~again]
-    if not len(rows):
-        return None
-    return Gnss(reader.time(rows), fix[:, 0], fix[:, 1], fix[:, 2], sd)
-
-
-def _repeated(time: Array, fix: Array) -> NDArray[np.bool_]:
-    """Rows that only carry the last fix on, as loggers do that fill every row, (K,)."""
-    same = (np.diff(fix, axis=0) == 0).all(axis=1) & (np.diff(time) < CARRIED_S)
-    return np.concatenate([np.zeros(min(len(fix), 1), bool), same])
-
-
-def _gnss_sd(reader: _Reader, rows: Rows) -> Array:
-    """Standard deviations (K, 3); those not given are the vehicle file's, and said to be."""
-    samples, default = reader.samples, reader.vehicle.gnss.sd
-    blank = np.full(len(samples.clock), np.nan)
-    sd = np.stack([samples.columns.get(name, blank)[rows] for name in GNSS_SD], -1)
-    missing = np.isnan(sd)
-    if missing.any():
-        which = [name for name, m in zip(GNSS_SD, missing.any(0), strict=True) if m]
-        reader.notes.append(
-            f"{', '.join(which)} not given for {int(missing.any(-1).sum())} of {len(rows)} fixes: "
-            f"{default:g} m assumed; set [gnss] sd [m]"
-        )
-    return np.where(missing, default, sd)
+    found, told = read_fixes(reader.samples, reader.vehicle)
+    reader.notes.extend(told)
+    return found
 
 
 def _heading(reader: _Reader) -> ExternalHeading | None:
