@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from honesty import pooled, restated
+from noise_check import ratios
 from normalised_errors import independent, normalised
 from pandas import DataFrame
 from scipy.signal import lfilter
@@ -72,3 +73,21 @@ def test_a_restated_grade_is_all_that_is_said_of_the_imu(tmp_path: Path) -> None
     told = restated(tmp_path / "vehicle.toml", "fog", tmp_path / "new")
     spec = load_vehicle(told, tmp_path / "run.csv").imu
     assert (spec.grade, spec.axes) == ("fog", "FLU") and not spec.given("gyro_bias_deg_h")
+
+
+def test_noise_found_is_held_against_the_injected() -> None:
+    injected = {
+        "standing": {"gyro_deg_sqrt_h": {"1": [1.0, 2.0, 4.0]}, "accel_mg_sqrt_hz": {}},
+        "driving": {
+            "gyro_deg_sqrt_h": {"1": [9.0, 9.0, 9.0]},
+            "accel_mg_sqrt_hz": {"1": [1.0] * 3},
+        },
+    }
+    found = {
+        "standing": {"gyro_deg_sqrt_h": [1.0, 1.0, 8.0], "accel_mg_sqrt_hz": [1.0] * 3},
+        "driving": {"accel_mg_sqrt_hz": [3.0] * 3},
+    }
+    assert ratios(found, injected) == {
+        ("standing", "gyro"): [1.0, 0.5, 2.0],
+        ("driving", "accel"): [3.0, 3.0, 3.0],
+    }
