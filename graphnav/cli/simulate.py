@@ -62,5 +62,11 @@ def simulate(scenario: str, out: Path | None, seed: int, **more: Any) -> None:
       graphnav simulate field-skid --rate 20 --sampled --without jitter --without losses
     """
     from graphnav.simulation import simulate as simulated
+    from graphnav.simulation.files import kept_aside
 
-    click.echo(f"wrote {simulated(scenario, out or Path(f'{scenario}_{seed}'), seed, **more)}")
+    out = out or Path(f"{scenario}_{seed}")
+    kept = kept_aside(out)
+    simulated(scenario, out, seed, **more)
+    click.echo(f"wrote {out}")
+    if kept:
+        click.echo(f"- {kept}")

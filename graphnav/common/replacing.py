@@ -9,7 +9,7 @@ import os
 import re
 import socket
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from errno import EBUSY, EEXIST, EINVAL, ENOENT, ENOSYS, ENOTEMPTY, ENOTSUP, EPERM
 from itertools import count
@@ -110,3 +110,36 @@ def alive(pid: int) -> bool:
     except OSError:
         return True
     return True
+
+
+def files(directory: Path) -> list[Path]:
+    """Everything in a directory that is no directory, relative to it; links are not followed."""
+    found = []
+    for folder, folders, names in os.walk(directory):
+        links = [name for name in folders if (Path(folder) / name).is_symlink()]
+        found += [(Path(folder) / name).relative_to(directory) for name in [*names, *links]]
+    return sorted(found)
+
+
+def kept_beside(out: Path, names: Sequence[Path]) -> Path:
+    """The directory beside `out` where files of these names can be kept: none is there yet."""
+    for number in count(1):
+        path = out.with_name(f"{out.name}_kept{f'_{number}' if number > 1 else ''}")
+        if not path.is_file() and not any((path / name).exists() for name in names):
+            return path
+    raise AssertionError("unreachable")
+
+
+def keep(old: Path, out: Path, names: Sequence[Path]) -> None:
+    """Move files of `old`, which was `out`, to where they are kept."""
+    kept = kept_beside(out, names)
+    for name in names:
+        target = kept / name
+        target.parent.mkdir(parents=True, exist_ok=True)
+        with suppress(FileNotFoundError):  # another process kept it
+            (old / name).rename(target)
+
+
+def named(names: Sequence[Path]) -> str:
+    """The first name, and how many more there are."""
+    return f"{names[0]}{f' and {len(names) - 1} more' if names[1:] else ''}"

@@ -39,8 +39,8 @@ def worst(blocks: Sequence[Block], weights: Sequence[Array]) -> str:
     start, end = _span(block.time, np.sqrt(rows), at)
     sensor, cure = _of(block.kind)
     return (
-        f"{sensor} ({block.kind}, {axis}) disagrees most, from {start:.1f} to {end:.1f} s of the "
-        f"run, at worst by {np.sqrt(rows[at]):.2g} sigma; {cure}"
+        f"{sensor} ({block.kind}, {axis}): largest disagreement from {start:.1f} to {end:.1f} s of "
+        f"the run, at worst by {np.sqrt(rows[at]):.2g} sigma; {cure}"
     )
 
 

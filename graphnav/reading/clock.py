@@ -11,8 +11,7 @@ Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
 # seconds after which clocks begin anew: GNSS week, day, half a day, hour, and counters of 32 bits
-# in ms, in us and in units of 10 us
-PERIODS = {"week": 604800.0, "day": 86400.0, "half day": 43200.0, "hour": 3600.0,
+PERIODS = {"a week": 604800.0, "a day": 86400.0, "half a day": 43200.0, "an hour": 3600.0,
            "32 bits of ms": 2**32 * 1e-3, "32 bits of us": 2**32 * 1e-6}  # fmt: skip
 ACROSS_S = 60.0  # the longest gap over which a clock that begins anew is followed
 
@@ -72,7 +71,7 @@ def unrolled(clock: Array) -> tuple[Array, str | None]:
             turns = np.zeros(len(clock))
             turns[across + 1] = period
             told = (
-                f"the clock begins anew after {clock[across[0]]:.15g} (a {name}): "
+                f"the clock begins anew after {clock[across[0]]:.15g} ({name}): "
                 f"{period:.15g} s are added from there on"
             )
             return clock + np.cumsum(turns), told

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 LEAST_SHARE = 0.1  # of the shorter of the two that both must cover
 NEAR_DEG = 1.0
+SLOW_S = 5.0  # between reference rows: slower may be another unit
 DAY_S = 86400.0
 UNITS_S = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
 
@@ -21,7 +22,7 @@ def check_fit(trajectory: "DataFrame", truth: "DataFrame") -> None:
     """InputError when truth shares too little time with the trajectory, or is not in degrees."""
     own, time = (frame["time"].to_numpy(dtype=np.float64) for frame in (trajectory, truth))
     shared = _shared(own, time)
-    if shared < LEAST_SHARE:
+    if shared < LEAST_SHARE or (np.median(np.diff(time)) > SLOW_S and _unit(own, time)):
         spans = f"truth ({time[0]:.15g} to {time[-1]:.15g}) and result ({own[0]:.15g} to "
         share = f"share {shared:.2%} of their time" if shared > 0 else "share no time"
         raise InputError(
@@ -47,15 +48,26 @@ def _shared(own: Array, time: Array) -> float:
 
 def _why(own: Array, time: Array) -> str:
     """What would make the two clocks meet."""
-    for unit, factor in UNITS_S.items():
-        if _shared(own, time * factor) > 0.5:
-            return f"truth's time seems to be in {unit}, not s"
+    unit = _unit(own, time)
+    if unit is not None:
+        return f"truth's time seems to be in {unit}, not s"
+    if _shared(own, time) > 0:
+        return "they hardly meet"
     days = np.round((own[0] - time[0]) / DAY_S)
     if days and _shared(own, time + days * DAY_S) > 0.5:
         return f"they would on another day ({days:+.0f} d)"
     if _shared(own - own[0], time - time[0]) > 0.5:
         return "their clocks begin at different times, or it is another run's"
     return "it is another run's, or the clocks differ"
+
+
+def _unit(own: Array, time: Array) -> str | None:
+    """The unit in which truth would span what the result does, and when."""
+    for unit, factor in UNITS_S.items():
+        alike = 0.7 < np.ptp(time) * factor / max(float(np.ptp(own)), 1e-9) < 1.4
+        if alike and _shared(own, time * factor) > 0.5:
+            return unit
+    return None
 
 
 def _middle(frame: "DataFrame") -> Array:

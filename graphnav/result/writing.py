@@ -8,9 +8,8 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -43,7 +42,7 @@ def check_replaceable(out: Path, inputs: tuple[Path | None, ...] = ()) -> None:
     for path in inputs:
         if path is not None and out in _resolved(path).parents:
             raise InputError(f"{path}: lies in {out}, which is to be replaced; give another --out")
-    there = _files(out)
+    there = replacing.files(out)
     if there and _listed(out) is None:
         raise InputError(
             f"{out}: holds {there[0]}, which graphnav did not write, and is not replaced; "
@@ -79,10 +78,9 @@ def kept_aside(out: Path) -> list[str]:
     foreign = _foreign(out) if out.is_dir() else []
     if not foreign:
         return []
-    more = f" and {len(foreign) - 1} more" if foreign[1:] else ""
     return [
-        f"{foreign[0]}{more} in {out.name} were not written by graphnav, or changed since: kept in "
-        f"{_kept(out, foreign).name}"
+        f"{replacing.named(foreign)} in {out.name} were not written by graphnav, or changed since: "
+        f"kept in {replacing.kept_beside(out, foreign).name}"
     ]
 
 
@@ -139,7 +137,7 @@ def _replace(part: Path, out: Path) -> None:
     stands_in = out == Path.cwd() or out in Path.cwd().parents
     old = replacing.put(part, out)
     if old is not None:
-        if _files(old) and _listed(old) is None:  # someone put a file there meanwhile
+        if replacing.files(old) and _listed(old) is None:  # someone put a file there meanwhile
             replacing.put(old, out)
             check_replaceable(out)
         _clear(old, out)
@@ -161,24 +159,8 @@ def _recover(out: Path) -> None:
 
 def _clear(old: Path, out: Path) -> None:
     """Remove a directory that was or would have been `out`, but for what is not graphnav's."""
-    foreign = _foreign(old)
-    if foreign:
-        kept = _kept(out, foreign)
-        for name in foreign:
-            target = kept / name
-            target.parent.mkdir(parents=True, exist_ok=True)
-            with suppress(FileNotFoundError):  # another process kept it
-                (old / name).rename(target)
+    replacing.keep(old, out, _foreign(old))
     shutil.rmtree(old, ignore_errors=True)
-
-
-def _kept(out: Path, names: Sequence[Path]) -> Path:
-    """The directory beside `out` where files of these names can be kept: none is there yet."""
-    for number in count(1):
-        path = out.with_name(f"{out.name}_kept{f'_{number}' if number > 1 else ''}")
-        if not path.is_file() and not any((path / name).exists() for name in names):
-            return path
-    raise AssertionError("unreachable")
 
 
 def _foreign(directory: Path) -> list[Path]:
@@ -208,18 +190,9 @@ def _is_whole(directory: Path) -> bool:
     return bool(listed) and all(t and (directory / name).exists() for name, t in listed.items())
 
 
-def _files(directory: Path) -> list[Path]:
-    """Everything in a directory that is no directory, links not followed."""
-    found = []
-    for folder, folders, names in os.walk(directory):
-        links = [name for name in folders if (Path(folder) / name).is_symlink()]
-        found += [(Path(folder) / name).relative_to(directory) for name in [*names, *links]]
-    return sorted(found)
-
-
 def _results(directory: Path) -> list[Path]:
     """All files but the marker."""
-    return [name for name in _files(directory) if not str(name).startswith(MARKER)]
+    return [name for name in replacing.files(directory) if not str(name).startswith(MARKER)]
 
 
 def _mark(directory: Path, listed: Mapping[str, Any]) -> None:

@@ -3,45 +3,76 @@
 import gzip
 import json
 import shutil
-import tempfile
 from pathlib import Path
 
 import pandas as pd
 import pyarrow as pa
 import pyarrow.csv
 
+from graphnav.common import replacing
 from graphnav.common.errors import InputError
 from graphnav.simulation.recording import Recording
 
+OURS = ("run.csv.gz", "truth.csv.gz", "vehicle.toml", "truth_calibration.json")
 MARK = "truth_calibration.json"  # by its presence a directory is known to be ours
 
 
 def write(recording: Recording, out: Path) -> Path:
     """run.csv.gz, truth.csv.gz, vehicle.toml and truth_calibration.json into `out`.
 
-    An earlier simulation in `out` is replaced. Raises InputError where `out` is anything else.
+    An earlier simulation in `out` is replaced, other files in it are kept beside it. Raises
+    InputError where `out` is anything else, or cannot be written.
     """
     check(out)
+    out = out.resolve()
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
-        aside = Path(tempfile.mkdtemp(prefix=f".{out.name}-", dir=out.parent))
+        for path in replacing.left_by_the_dead(out):
+            _clear(path, out)
+        fresh = replacing.made_aside(out, "part")
     except OSError as error:
-        raise InputError(
-            f"{out.parent}: cannot be written ({error.strerror}): choose --out elsewhere"
-        ) from None
+        raise _unwritable(out.parent, error) from None
     try:
-        fresh = aside / "new"
-        fresh.mkdir()
         _table(recording.run, fresh / "run.csv.gz")
         _table(recording.truth, fresh / "truth.csv.gz")
         (fresh / "vehicle.toml").write_text(recording.vehicle)
         (fresh / MARK).write_text(json.dumps(recording.calibration, indent=1) + "\n")
-        if out.exists():
-            out.rename(aside / "old")
-        fresh.rename(out)
+        old = replacing.put(fresh, out)
+        if old is not None:
+            _clear(old, out)
+    except OSError as error:
+        raise _unwritable(out, error) from None
     finally:
-        shutil.rmtree(aside, ignore_errors=True)
+        shutil.rmtree(fresh, ignore_errors=True)
     return out
+
+
+def kept_aside(out: Path) -> str | None:
+    """What of `out` will be kept beside it when it is replaced, in words."""
+    foreign = _foreign(out)
+    if not foreign:
+        return None
+    kept = replacing.kept_beside(out.resolve(), foreign).name
+    return f"{replacing.named(foreign)} in {out} are no simulation's: kept in {kept}"
+
+
+def _foreign(directory: Path) -> list[Path]:
+    return [name for name in replacing.files(directory) if str(name) not in OURS]
+
+
+def _clear(old: Path, out: Path) -> None:
+    """Remove what was or would have been `out`, but for what is not a simulation's."""
+    if (old / MARK).exists():
+        if not out.exists():  # a kill between two renames
+            old.rename(out)
+            return
+        replacing.keep(old, out, _foreign(old))
+    shutil.rmtree(old, ignore_errors=True)
+
+
+def _unwritable(path: Path, error: OSError) -> InputError:
+    what = error.strerror or str(error)
+    return InputError(f"{path}: cannot be written ({what}): make room or choose --out elsewhere")
 
 
 def check(out: Path) -> None:
