@@ -142,3 +142,19 @@ def test_attitude_is_a_rotation() -> None:
     R = aligned(moving(20.0), vehicle(), 0.0).start.R_nb
     np.testing.assert_allclose(so3.orthonormalised(R), R, atol=1e-12)
     assert np.linalg.det(R) == pytest.approx(1)
+
+
+@pytest.mark.parametrize("off_m", [0.0, 1000.0])
+def test_a_start_of_another_day_is_left_to_the_fixes(off_m: float) -> None:
+    run = moving(20.0)
+    assert run.gnss is not None
+    late = run.gnss.time > 35.0
+    columns = {k: v[late] for k, v in run.gnss.__dict__.items()}
+    run = replace(run, gnss=Gnss(**columns))
+    lat = 45.0 + off_m / 111_130
+    at = StartSpec(lat=lat, lon=10.0, height=100.0, heading_deg=20.0, heading_sd_deg=1.0)
+    found = aligned(run, vehicle(at, "mems"), 0.0)
+    truth = found.origin.local(*np.deg2rad([45.0, 10.0]), np.asarray(100.0))
+    assert np.linalg.norm((found.start.p_n - truth)[:2]) < (1e-3 if off_m == 0 else 60.0)
+    assert found.start.sd[6] == (0.1 if off_m == 0 else 300.0)
+    assert [remark.why[:12] for remark in found.told] == ["[start] is 9"] * (off_m > 0)

@@ -32,9 +32,11 @@ from graphnav.reading.vehicle import Vehicle
 
 LOOSE_TILT, LOOSE_HEADING = np.deg2rad(5.0), np.deg2rad(30.0)
 LOOSE_SPEED, LOOSE_POSITION = 30.0, 300.0  # m/s, m
+FEW_FIXES = 3
 LATE_FIX_S = 30.0  # a first fix later than this leaves the start to what is stated
 LEAST_BIAS = np.deg2rad(20.0) / 3600  # rad/s, a driving gyro may be off by at least
 SIGNIFICANT = 3.0  # sigma of a rate that is taken for bias
+ELSEWHERE_SIGMAS = 5.0  # of a stated position and of where the fixes put the start, together
 NEAR = np.deg2rad(10.0)  # a stated heading further from the agreed one begins no iteration
 WORST_SD = np.deg2rad(40.0)  # a heading known worse is not known
 
@@ -85,9 +87,10 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     R_nb = so3.exp(np.array([0.0, 0.0, -heading])) @ R_level
     bias = bias - R_nb.T @ origin.Omega_n if standing else bias
     p_0, p_sd = first_position(run, vehicle, origin, float(inc.edge[0]))
+    p_0, p_sd, elsewhere = _by_fixes(p_0, p_sd, run, path, origin)
     start = Start(R_nb, np.zeros(3), p_0, np.repeat([LOOSE_TILT, LOOSE_SPEED, p_sd], 3))
     start.sd[2] = sd
-    told = (*_told(found), *_biased(bias, bias_sd))
+    told = (*_told(found), *elsewhere, *_biased(bias, bias_sd))
     of_vehicle = source == STATED and vehicle.start.heading_of == "vehicle"
     return Alignment(origin, start, bias, source, found.sd, path, told, of_vehicle)
 
@@ -176,7 +179,31 @@ def first_position(run: Run, vehicle: Vehicle, origin: Origin, begin: float) -> 
         known = origin.local(np.asarray(lat), np.asarray(lon), np.asarray(height))
         return known, at.position_sd_m
     assert gnss is not None  # `frame_origin` has refused a run with neither
-    first = origin.local(
-        np.deg2rad(gnss.lat_deg[0]), np.deg2rad(gnss.lon_deg[0]), np.asarray(gnss.height[0])
+    few = slice(0, FEW_FIXES)  # the first fixes of all are the worst
+    fixes = origin.local(
+        np.deg2rad(gnss.lat_deg[few]), np.deg2rad(gnss.lon_deg[few]), gnss.height[few]
     )
-    return first, LOOSE_POSITION + LOOSE_SPEED * max(wait, 0.0)
+    return np.median(fixes, axis=0), LOOSE_POSITION + LOOSE_SPEED * max(wait, 0.0)
+
+
+def _by_fixes(
+    p_0: Array, sd: float, run: Run, path: PathHeading | None, origin: Origin
+) -> tuple[Array, float, tuple[Remark, ...]]:
+    """The first position, or where fixes and path put it when they contradict what is stated."""
+    gnss = run.gnss
+    if gnss is None or path is None or sd >= LOOSE_POSITION:
+        return p_0, sd, ()
+    fix = [gnss.lat_deg, gnss.lon_deg, gnss.height]
+    lat, lon, height = (column[len(column) // 2] for column in fix)
+    middle = origin.local(np.deg2rad(lat), np.deg2rad(lon), np.asarray(height))
+    there = np.array([middle[0] + path.begin.real, middle[1] + path.begin.imag, gnss.height[0]])
+    there[2] -= origin.height
+    away = float(np.hypot(*(p_0 - there)[:2]))
+    if away < ELSEWHERE_SIGMAS * np.hypot(sd, path.begin_sd):
+        return p_0, sd, ()
+    said = Remark(
+        f"[start] is {away:.0f} m from where the fixes and the path to them put the start "
+        f"(+- {path.begin_sd:.0f} m): not used",
+        "correct or leave out [start] lat and lon",
+    )
+    return there, LOOSE_POSITION, (said,)

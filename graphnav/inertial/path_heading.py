@@ -32,6 +32,8 @@ SPAN_S = 600.0  # of the run over which one rate explains the slots
 FASTEST_BIAS = np.deg2rad(6.0)  # rad/s; no gyro in use is worse
 APART_S = 64.0  # between slots that still make a displacement
 TRACKED_S = 30.0  # over which the heading's wander along the run is averaged
+FEW = 9  # fixes that tell where the path begins
+SCALE_SD = 0.05  # of an odometer that is not calibrated yet
 FEWEST = 3  # slots that make a heading
 
 
@@ -62,6 +64,8 @@ class PathHeading:
     time: Array  # (K,) s, middles of the slots
     turn: Array  # (K,) rad to the left the path still wants beyond heading and rate
     agreement: float  # of the slots on one heading, 0 to 1
+    begin: complex  # m, east + i north of the start by the first fixes, in their frame
+    begin_sd: float  # m
 
 
 @dataclass(frozen=True)
@@ -75,6 +79,8 @@ class _Slots:
     moved: Complex  # (K,) m, by the fixes
     time: Array  # (K,) s, middle
     weight: Array  # (K,) 1/rad^2
+    fixes: Complex  # (F,) m
+    sd: Array  # (F,) m
 
     def mean(self, values: Complex) -> Complex:
         """Mean of a quantity at the fixes (F,) in each slot, (S,)."""
@@ -107,9 +113,28 @@ def path_heading(
     wander = _tracked(left, slots.weight, slots.time)
     agreement = abs(np.sum(slots.weight[first] * left[first])) / np.sum(slots.weight[first])
     error = rate - line.slope
+    begin, begin_sd = _begin(reckoned.path(error) * np.exp(1j * line.angle), line.sd, slots)
     return PathHeading(
-        -line.angle, line.sd, error, line.slope_sd, slots.time, wander, float(agreement)
+        -line.angle,
+        line.sd,
+        error,
+        line.slope_sd,
+        slots.time,
+        wander,
+        float(agreement),
+        begin,
+        begin_sd,
     )
+
+
+def _begin(path: Complex, heading_sd: float, slots: _Slots) -> tuple[complex, float]:
+    """Where the first fixes put the start along the path, and its sigma."""
+    few = slice(0, FEW)
+    way = path[slots.at[few]]
+    there = slots.fixes[few] - way
+    begin = complex(np.median(there.real), np.median(there.imag))
+    off = float(np.abs(way).max()) * float(np.hypot(heading_sd, SCALE_SD))
+    return begin, float(np.hypot(off, np.median(slots.sd[few])))
 
 
 def _best_slots(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array) -> _Slots | None:
@@ -144,7 +169,8 @@ def _slots(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array, length: f
     at = np.clip(np.searchsorted(reckoned.time, time), 0, len(reckoned.time) - 1)
     middle = np.bincount(owner, time) / count
     empty = np.zeros(0)
-    whole = _Slots(at, owner, count, np.arange(0), empty.astype(np.complex128), empty, empty)
+    none = empty.astype(np.complex128)
+    whole = _Slots(at, owner, count, np.arange(0), none, empty, empty, fixes, sd)
     moved: Complex = np.diff(whole.mean(fixes)).astype(np.complex128)
     way = np.abs(np.diff(whole.mean(reckoned.path(0.0)[at])))
     noise = np.hypot(own_sd[1:], own_sd[:-1])
@@ -156,7 +182,7 @@ def _slots(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array, length: f
         ratio /= np.median(ratio)
         weight *= np.minimum(ratio, 1 / ratio) ** 2
     time = 0.5 * (middle[1:] + middle[:-1])[pick]
-    return _Slots(at, owner, count, pick, moved[pick], time, weight)
+    return _Slots(at, owner, count, pick, moved[pick], time, weight, fixes, sd)
 
 
 def _peak(
