@@ -54,3 +54,14 @@ def test_readme_names_commands_files_and_targets_that_exist() -> None:
 def test_readme_picture_is_small() -> None:
     [picture] = re.findall(r"!\[[^]]*\]\(([^)]+\.png)\)", README)
     assert (ROOT / picture).stat().st_size < 400_000
+
+
+def test_contributing_shows_every_room_and_names_files_that_exist() -> None:
+    said = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    for name in re.findall(r"`((?:\w+/)*\w+\.(?:py|md|toml|svg))`", said):
+        assert (ROOT / name).exists() or (ROOT / "graphnav" / name).exists(), name
+    drawn = (ROOT / "docs" / "rooms.svg").read_text(encoding="utf-8")
+    rooms = {f.parent.name for f in (ROOT / "graphnav").glob("*/__init__.py")} | {"factors"}
+    assert len(rooms) > 10
+    for room in rooms:
+        assert re.search(rf">[^<]*\b{room}\b[^<]*<", drawn), room

@@ -84,13 +84,9 @@ MUTANTS = [
     ),
     *_of(
         "factors/position.py",
-        "factors running_gear",
-        (
-            "fix lateness sign",
-            "x.p_n[node] + x.v_n[node] * fixes.late",
-            "x.p_n[node] - x.v_n[node] * fixes.late",
-        ),
-        ("antenna sign", "+ so3.mv(R, lever)", "- so3.mv(R, lever)"),
+        "factors satellite_fixes",
+        ("fix delay sign", "- _per(late) * v_a + c", "+ _per(late) * v_a + c"),
+        ("antenna sign", "arm = by.swing + so3.mv", "arm = by.swing - so3.mv"),
     ),
     *_of(
         "factors/inertial.py",
