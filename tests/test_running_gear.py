@@ -33,7 +33,7 @@ def prepared(table: pd.DataFrame, directory: Path, vehicle: str = VEHICLE) -> Pr
 
 def blocks_of(prep: Prepared, nodes: Nodes) -> dict[str, Block]:
     """All blocks of a run that is moving throughout, by kind, at dead reckoning."""
-    at, _ = first_path(prep, nodes)
+    at = first_path(prep, nodes).estimate
     whole = Timeline(nodes.time[:1], nodes.time[-1:], np.array(["moving"]), np.ones(1))
     return {b.kind: b for b in build(prep, nodes, whole, at, {}).linearise(at)}
 
@@ -73,7 +73,7 @@ def test_a_sparse_odometer_is_read_at_the_nodes_own_time(tmp_path: Path) -> None
     blocks = blocks_of(prep, nodes)
     block = blocks[kinds.VELOCITY]
     assert block.sigma is not None
-    at_nodes, _ = first_path(prep, nodes)
+    at_nodes = first_path(prep, nodes).estimate
     v_y = np.einsum("nji,nj->ni", at_nodes.R_nb, at_nodes.v_n)[block.terms[0].index, 1]
     read = v_y - (block.residual * block.sigma)[:, 1]
     run_time = block.time + prep.sensed.run.clock_start
