@@ -20,10 +20,10 @@ from factors.displacement import (
 from factors.estimate import Estimate
 from factors.heading import Bearing, heading
 from factors.inertial import EarthField, inertial, predict
+from factors.initial_state import InitialState, initial_state
 from factors.position import Carried, Fixes, position
 from factors.preintegration import Increments, InertialNoise, Preintegrated, preintegrate
 from factors.standstill import StandstillNoise, standstill
-from factors.start import Start, start
 from factors.track_width import track_width
 from factors.velocity import VelocityReading, velocity
 from graphnav.graph.nodes import Nodes
@@ -229,13 +229,15 @@ def test_jacobians_of_the_plain_factors(seed: int) -> None:
     )  # fmt: skip
     fixes = Fixes(rng.normal(size=(2, 3)), np.ones((2, 3)), carried, 0.05)
     seen, sigma = np.array([0.1, 3.0]), np.array([0.01, 0.02])
-    known = Start(x.R_nb[0] @ so3.exp(0.2 * rng.normal(size=3)), x.v_n[0], x.p_n[0], np.ones(9))
+    known = InitialState(
+        x.R_nb[0] @ so3.exp(0.2 * rng.normal(size=3)), x.v_n[0], x.p_n[0], np.ones(9)
+    )
     for function in (
         lambda e: standstill(noise, second, e),
         lambda e: position(fixes, LAYOUT, at_nodes, e),
         lambda e: heading(Bearing(seen, sigma), LAYOUT, at_nodes, e),
         lambda e: heading(Bearing(seen, sigma, roll=0.1), LAYOUT, at_nodes, e),
-        lambda e: start(known, 0.0, e),
+        lambda e: initial_state(known, 0.0, e),
         lambda e: phase_prior(0.02, time, e),
         lambda e: track_width(np.array([0.3]), np.array([0.05]), LAYOUT, second, e),
     ):
@@ -261,6 +263,9 @@ def test_calibration_chain() -> None:
     for k, block in enumerate(blocks):
         assert_jacobian(lambda e, k=k: walk(layout, e.calibration, time, ("scale",))[k], x)
         assert block.robust == (k == 1)
+    # a constant stays what it is: over a day not a thousandth of its sigma
+    np.testing.assert_array_equal(layout.walk[:4], [0.01, 0.01, 0.01, 1e-3])
+    assert (layout.walk[4:] * np.sqrt(86400) < 1e-3 * layout.prior_sd[4:]).all()
     still = Estimate(x.R_nb, x.v_n, x.p_n, x.phase, np.tile(layout.prior, (3, 1)))
     assert np.abs(calibration_prior(layout, still.calibration).residual).max() == 0
     assert all(np.abs(b.residual).max() == 0 for b in walk(layout, still.calibration, time, ()))
@@ -277,12 +282,12 @@ def test_zero_at_truth_of_the_plain_factors() -> None:
     ahead = x.R_nb[:2] @ so3.exp(np.array([pitch, 0.2, turned])) @ np.array([0, 1.0, 0])
     course = np.arctan2(ahead[:, 0], ahead[:, 1])
     sure = np.full(2, 0.01)
-    known = Start(x.R_nb[0], x.v_n[0], x.p_n[0], np.ones(9))
+    known = InitialState(x.R_nb[0], x.v_n[0], x.p_n[0], np.ones(9))
     blocks = [
         standstill(StandstillNoise(np.full(3, 1e-6), 1e-3, 1e-3), at_nodes, x),
         heading(Bearing(azimuth + 2 * np.pi, sure), LAYOUT, at_nodes, x),
         heading(Bearing(course, sure, roll=0.2), LAYOUT, at_nodes, x),
-        start(known, 0.0, x),
+        initial_state(known, 0.0, x),
     ]
     turned = np.stack([x.R_nb[0], x.R_nb[0] @ so3.exp(np.array([0, 0, 0.4]))])
     x.calibration[:, LAYOUT.column("track_width")] = 0.9

@@ -82,8 +82,8 @@ def least_squares(prep: Prepared, reference: Smoothed) -> Smoothed:
     nodes = reference.problem.nodes
     at = _restarted(reference.estimate, prep)
     problem = build(prep, nodes, reference.timeline, at, {})
-    solution = gauss_newton(problem.linearise, at, problem.chain, {})
-    found = covariances(solution.bayes_net, problem.chain)
+    solution = gauss_newton(problem.linearise, at, problem.order, {})
+    found = covariances(solution.bayes_net, problem.order)
     path = densify(
         prep.sensed.inc, problem.pre, problem.nodes, solution.estimate, prep.setup.alignment.origin
     )

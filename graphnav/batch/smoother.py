@@ -77,12 +77,12 @@ def smooth_batch(
         progress(f"solve, round {round_}")
         last = (round_ >= MIN_ROUNDS and stands) or round_ == MAX_ROUNDS
         weights, tolerance = robust[round_ > 1], FINE if last else ROUGH
-        solution = gauss_newton(problem.linearise, estimate, problem.chain, weights, tolerance)
+        solution = gauss_newton(problem.linearise, estimate, problem.order, weights, tolerance)
         iterations += solution.iterations
         estimate = solution.estimate
         path = densify(prep.sensed.inc, problem.pre, nodes, estimate, prep.setup.alignment.origin)
         progress(f"covariances, round {round_}")
-        found = covariances(solution.bayes_net, problem.chain)
+        found = covariances(solution.bayes_net, problem.order)
         if last:
             break
         if not stands:

@@ -24,7 +24,7 @@ JOINTS = 800  # intervals whose joint covariance is kept
 
 
 @dataclass(frozen=True)
-class Chain:
+class EliminationOrder:
     """Numbers of nodes and segments and the order in which they are eliminated."""
 
     nodes: int
@@ -57,27 +57,29 @@ class Chain:
         return ordering
 
 
-def linear_system(blocks: Sequence[Block], chain: Chain) -> gtsam.GaussianFactorGraph:
+def linear_system(blocks: Sequence[Block], order: EliminationOrder) -> gtsam.GaussianFactorGraph:
     """All blocks as one Gaussian factor graph."""
     graph = gtsam.GaussianFactorGraph()
     for block in blocks:
         if len(block.time) and block.terms[0].family == "c":
             for factor in block.jacobian_factors():
                 graph.add(factor)
-    rows = stacked(blocks, chain.segment_of_interval, chain.calibration_dim)
-    for factor in rows.factors(chain.x, [chain.c[k] for k in chain.segment_of_interval.tolist()]):
+    rows = stacked(blocks, order.segment_of_interval, order.calibration_dim)
+    for factor in rows.factors(order.x, [order.c[k] for k in order.segment_of_interval.tolist()]):
         graph.add(factor)
     return graph
 
 
-def quickly(graph: gtsam.GaussianFactorGraph, chain: Chain) -> gtsam.GaussianBayesNet | None:
+def quickly(
+    graph: gtsam.GaussianFactorGraph, order: EliminationOrder
+) -> gtsam.GaussianBayesNet | None:
     """Elimination by Cholesky, three times as fast as QR; None where it breaks down.
 
     It squares the condition number: good enough for a step whose cost is checked and for the
     noise of an early round, not for the covariances a user reads.
     """
     try:
-        return graph.eliminateSequential(chain.ordering)
+        return graph.eliminateSequential(order.ordering)
     except RuntimeError:
         return None
 
@@ -90,20 +92,20 @@ class Undetermined(SolutionError):
         self.family, self.index = family, index
 
 
-def eliminate(graph: gtsam.GaussianFactorGraph, chain: Chain) -> gtsam.GaussianBayesNet:
+def eliminate(graph: gtsam.GaussianFactorGraph, order: EliminationOrder) -> gtsam.GaussianBayesNet:
     """Square-root form by QR; raises Undetermined when a state is not determined."""
     try:
-        return graph.eliminateSequential(chain.ordering, gtsam.EliminateQR)
+        return graph.eliminateSequential(order.ordering, gtsam.EliminateQR)
     except RuntimeError as error:
         named = re.search(r"Symbol: ([xc])(\d+)", str(error))
         raise Undetermined(named[1] if named else "?", int(named[2]) if named else -1) from error
 
 
-def step(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> tuple[Array, Array]:
+def step(bayes_net: gtsam.GaussianBayesNet, order: EliminationOrder) -> tuple[Array, Array]:
     """Error states of all nodes (N, 10) and segments (K, dim) that minimise the linear system."""
     flat = bayes_net.optimize().vector()  # in the order of the keys: 'c' before 'x'
-    split = chain.segments * chain.calibration_dim
-    return flat[split:].reshape(-1, NODE_DIM), flat[:split].reshape(chain.segments, -1)
+    split = order.segments * order.calibration_dim
+    return flat[split:].reshape(-1, NODE_DIM), flat[:split].reshape(order.segments, -1)
 
 
 Joints = dict[int, Array]  # node i -> covariance of [x_i, x_{i+1}, c of the interval]
@@ -118,18 +120,18 @@ class Covariances:
     joints: Joints  # of about `JOINTS` intervals spread over the run
 
 
-def covariances(bayes_net: gtsam.GaussianBayesNet, chain: Chain) -> Covariances:
+def covariances(bayes_net: gtsam.GaussianBayesNet, order: EliminationOrder) -> Covariances:
     """All marginal covariances in one backward pass, linear in the number of states.
 
     For `R x = d - S y`: `P_xx = (R^T R)^-1 + G P_yy G^T`, `P_xy = G P_yy`, `G = -R^-1 S`. The
     parents of a variable all belong to the clique visited just before it.
     """
-    dim = chain.calibration_dim
-    nodes = np.empty((chain.nodes, NODE_DIM, NODE_DIM))
-    calibration = np.empty((chain.segments, dim, dim))
+    dim = order.calibration_dim
+    nodes = np.empty((order.nodes, NODE_DIM, NODE_DIM))
+    calibration = np.empty((order.segments, dim, dim))
     joints: Joints = {}
-    stride = max(1, chain.nodes // JOINTS)
-    first_x, first_c = chain.x[0], chain.c[0]
+    stride = max(1, order.nodes // JOINTS)
+    first_x, first_c = order.x[0], order.c[0]
     joint, place = np.empty((0, 0)), dict[int, slice]()
     for k in range(bayes_net.size() - 1, -1, -1):
         conditional = bayes_net.at(k)

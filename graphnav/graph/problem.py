@@ -11,11 +11,11 @@ from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
 from factors.heading import Bearing, heading
 from factors.inertial import EarthField, inertial
+from factors.initial_state import initial_state
 from factors.preintegration import Preintegrated, interval_of_increment, preintegrate
 from factors.standstill import StandstillNoise, standstill
-from factors.start import start
 from graphnav.common.earth import Origin
-from graphnav.graph.elimination import Chain
+from graphnav.graph.elimination import EliminationOrder
 from graphnav.graph.motion import Factor, Round, Scales, States, motion_factors
 from graphnav.graph.nodes import Nodes, nearest_node
 from graphnav.graph.preparation import Prepared
@@ -33,7 +33,7 @@ class Problem:
     """A graph ready for the solver, and what later stages need of it."""
 
     factors: tuple[Factor, ...]
-    chain: Chain
+    order: EliminationOrder
     nodes: Nodes
     pre: Preintegrated
     resting: Index  # intervals at standstill
@@ -71,22 +71,22 @@ def build(
         groups[kinds.GNSS] = np.full(len(fixes(at)[0].time), "")
     if prep.sensed.run.heading is not None:
         factors.append(_heading(prep, nodes))
-    chain = Chain(len(nodes.time), len(nodes.segment_time), setup.layout.dim, seg)
-    return Problem(tuple(factors), chain, nodes, pre, resting, state, groups)
+    order = EliminationOrder(len(nodes.time), len(nodes.segment_time), setup.layout.dim, seg)
+    return Problem(tuple(factors), order, nodes, pre, resting, state, groups)
 
 
 def _start(prep: Prepared, nodes: Nodes) -> Factor:
     """What is known of the first node; a stated heading of the vehicle's as one of its mounting."""
     known, t = prep.setup.alignment.start, float(nodes.time[0])
     if not prep.setup.alignment.of_vehicle:
-        return lambda x: [start(known, t, x)]
+        return lambda x: [initial_state(known, t, x)]
     spec, layout = prep.setup.vehicle.start, prep.setup.layout
     assert spec.heading_deg is not None
     stated, sigma = np.deg2rad([[spec.heading_deg], [spec.heading_sd_deg]])
     roll = float(prep.setup.vehicle.odometer.mount_b[1])
     bearing = Bearing(stated, sigma, roll, kinds.START_HEADING)
     scope = nodes.at(np.zeros(1, np.int64), nodes.time[:1])
-    return lambda x: [start(known, t, x), heading(bearing, layout, scope, x)]
+    return lambda x: [initial_state(known, t, x), heading(bearing, layout, scope, x)]
 
 
 def _calibration(prep: Prepared, nodes: Nodes) -> Factor:

@@ -12,7 +12,14 @@ from factors.weights import Robust
 from graphnav.common.errors import SolutionError
 from graphnav.common.run import Array
 from graphnav.graph.contradiction import moment, worst
-from graphnav.graph.elimination import Chain, Undetermined, eliminate, linear_system, quickly, step
+from graphnav.graph.elimination import (
+    EliminationOrder,
+    Undetermined,
+    eliminate,
+    linear_system,
+    quickly,
+    step,
+)
 
 Step = tuple[Array, Array]  # error states of nodes (N, 10) and calibration segments (K, dim)
 Linearise = Callable[[Estimate], list[Block]]
@@ -49,17 +56,17 @@ def cost_of(blocks: list[Block], weights: list[Array]) -> float:
 
 
 def square_root(
-    blocks: list[Block], chain: Chain, robust: Mapping[str, Robust]
+    blocks: list[Block], order: EliminationOrder, robust: Mapping[str, Robust]
 ) -> gtsam.GaussianBayesNet:
     """The system of blocks weighted at their residuals, by QR."""
     weighted = [block.weighted(weights_of(block, robust)) for block in blocks]
-    return eliminate(linear_system(weighted, chain), chain)
+    return eliminate(linear_system(weighted, order), order)
 
 
 def gauss_newton(
     linearise: Linearise,
     estimate: Estimate,
-    chain: Chain,
+    order: EliminationOrder,
     robust: Mapping[str, Robust],
     tolerance: float = FINE,
 ) -> Solution:
@@ -73,10 +80,10 @@ def gauss_newton(
     for iteration in range(1, MAX_ITERATIONS + 1):
         here = _Here(linearise, estimate, weights, cost_of(blocks, weights))
         weighted = [b.weighted(w) for b, w in zip(blocks, weights, strict=True)]
-        graph = linear_system(weighted, chain)
+        graph = linear_system(weighted, order)
         # what a reader sees is solved by QR: the last steps of a fine solution
-        quick = None if held and tolerance < ROUGH else _quick(here, graph, weighted, chain)
-        attempt = quick or _exact(here, graph, weighted, chain)
+        quick = None if held and tolerance < ROUGH else _quick(here, graph, weighted, order)
+        attempt = quick or _exact(here, graph, weighted, order)
         # an early round need not settle: the next one begins where it ends
         settled = attempt.length < tolerance and (held or tolerance >= ROUGH)
         if settled or (tolerance >= ROUGH and iteration == ROUGH_ITERATIONS):
@@ -120,23 +127,23 @@ class _Attempt:
 
 
 def _quick(
-    here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
+    here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], order: EliminationOrder
 ) -> _Attempt | None:
     """The full step by Cholesky; None where it breaks down or the cost would grow."""
-    bayes_net = quickly(graph, chain)
+    bayes_net = quickly(graph, order)
     if bayes_net is None:
         return None
-    delta = step(bayes_net, chain)
+    delta = step(bayes_net, order)
     taken = here.moved(delta)
     return _Attempt(_length(weighted, delta), taken, bayes_net) if taken else None
 
 
 def _exact(
-    here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
+    here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], order: EliminationOrder
 ) -> _Attempt:
     """The step by QR, or a half, quarter ... of it while the cost would grow."""
-    bayes_net = _eliminated(graph, weighted, chain)
-    delta = step(bayes_net, chain)
+    bayes_net = _eliminated(graph, weighted, order)
+    delta = step(bayes_net, order)
     length = _length(weighted, delta)
     for halving in range(6):
         part = (0.5**halving * delta[0], 0.5**halving * delta[1])
@@ -148,11 +155,11 @@ def _exact(
 
 
 def _eliminated(
-    graph: gtsam.GaussianFactorGraph, weighted: list[Block], chain: Chain
+    graph: gtsam.GaussianFactorGraph, weighted: list[Block], order: EliminationOrder
 ) -> gtsam.GaussianBayesNet:
     """By QR; SolutionError tells when what is not determined acts."""
     try:
-        return eliminate(graph, chain)
+        return eliminate(graph, order)
     except Undetermined as error:
         when = moment(weighted, error.family, error.index)
         where = "" if when is None else f" near {when:.1f} s of the run"

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from factors import so3
+from factors.initial_state import InitialState
 from factors.preintegration import Increments
-from factors.start import Start
 from graphnav.common.angles import angles_of_rotation
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
@@ -46,7 +46,7 @@ class Alignment:
     """Where and how the run begins."""
 
     origin: Origin
-    start: Start  # prior of the first node
+    start: InitialState  # prior of the first node
     gyro_bias: Array  # (3,) rad/s, first guess
     source: str  # where the heading comes from, in words
     heading_sd: float = LOOSE_HEADING  # rad, of the evidence together
@@ -88,7 +88,7 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     bias = bias - R_nb.T @ origin.Omega_n if standing else bias
     p_0, p_sd = first_position(run, vehicle, origin, float(inc.edge[0]))
     p_0, p_sd, elsewhere = _by_fixes(p_0, p_sd, run, path, origin)
-    start = Start(R_nb, np.zeros(3), p_0, np.repeat([LOOSE_TILT, LOOSE_SPEED, p_sd], 3))
+    start = InitialState(R_nb, np.zeros(3), p_0, np.repeat([LOOSE_TILT, LOOSE_SPEED, p_sd], 3))
     start.sd[2] = sd
     told = (*_told(found), *elsewhere, *_biased(bias, bias_sd))
     of_vehicle = source == STATED and vehicle.start.heading_of == "vehicle"

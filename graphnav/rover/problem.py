@@ -22,15 +22,15 @@ from factors.calibration import (
 from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
 from factors.heading import Bearing, heading
+from factors.initial_state import InitialState, initial_state
 from factors.preintegration import Increments, InertialNoise, preintegrate
-from factors.start import Start, start
 from factors.terrain_slip import WheelTrack, terrain_slip
 from graphnav.common.angles import rotation_of_angles
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
 from graphnav.common.run import Gnss, Run
 from graphnav.graph.calibrations import bias_components, gnss_components
-from graphnav.graph.elimination import Chain
+from graphnav.graph.elimination import EliminationOrder
 from graphnav.graph.nodes import Nodes, near_fixes, nearest_node, place_nodes
 from graphnav.graph.preparation import fixes_in, inertial_noise
 from graphnav.graph.problem import inertial_factor
@@ -67,15 +67,15 @@ class RoverProblem:
     nodes: Nodes
     layout: Layout
     wandering: tuple[rw.Wandering, ...]
-    start: Start
+    start: InitialState
     inc: Increments | None  # with gyros
     noise: InertialNoise | None
 
     @property
-    def chain(self) -> Chain:
+    def order(self) -> EliminationOrder:
         """Elimination order for the solver."""
         n = self.nodes
-        return Chain(len(n.time), len(n.segment_time), self.layout.dim, n.segment)
+        return EliminationOrder(len(n.time), len(n.segment_time), self.layout.dim, n.segment)
 
 
 def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
@@ -127,7 +127,9 @@ def _one(name: str, prior: float, sd: float) -> Component:
     return Component(name, np.array([prior]), np.array([sd]))
 
 
-def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes, origin: Origin) -> Start:
+def _start(
+    run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes, origin: Origin
+) -> InitialState:
     """Stated heading, else the first the sensor sees carried back by the wheels."""
     at = vehicle.start
     if at.heading_deg is not None:
@@ -145,7 +147,7 @@ def _start(run: Run, vehicle: Vehicle, wheels: rover.Wheels, nodes: Nodes, origi
     p_n, p_sd = first_position(run, vehicle, origin, float(nodes.time[0]))
     sds = np.array([tilt, tilt, sd, 1.0, 1.0, 1.0, p_sd, p_sd, p_sd])
     R = rotation_of_angles(*np.array([0.0, 0.0, float(value)]))
-    return Start(R, np.zeros(3), p_n, sds)
+    return InitialState(R, np.zeros(3), p_n, sds)
 
 
 def build(problem: RoverProblem, at: Estimate, found: list[WheelTrack]) -> list[Factor]:
@@ -171,7 +173,7 @@ def _constraints(problem: RoverProblem) -> Factor:
     def factor(x: Estimate) -> list[Block]:
         c = x.calibration
         return [
-            start(problem.start, t, x),
+            initial_state(problem.start, t, x),
             calibration_prior(layout, c),
             *rw.wander(layout, problem.wandering, c, path, nodes.segment_time),
             rw.bounded(SLIP_BOUNDS, layout, nodes.segment_time, x),

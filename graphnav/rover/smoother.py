@@ -73,7 +73,7 @@ def smooth_rover(
         solution = gauss_newton(
             lambda x: [b for f in factors for b in f(x)],  # noqa: B023  called at once
             estimate,
-            problem.chain,
+            problem.order,
             robust,
             FINE if robust is ROBUST else ROUGH,
         )
@@ -85,10 +85,10 @@ def smooth_rover(
                 found = rover_terrain.tracks(problem.wheels, problem.nodes, path, k)
             if round_ == 1:  # later estimates lean on the wheels' yaw too much to judge it
                 problem = with_spread(problem, YAW_SLIP, 0.0, yaw_slip_sd(problem, estimate))
-            known = covariances(solution.bayes_net, problem.chain)
+            known = covariances(solution.bayes_net, problem.order)
             problem = with_spread(problem, SLIP_COEFFICIENT, *slip_spread(problem, estimate, known))
     progress("covariances")
-    return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.chain), found)
+    return RoverSolution(problem, solution, covariances(solution.bayes_net, problem.order), found)
 
 
 def path_of(problem: RoverProblem, x: Estimate) -> Path:

@@ -44,7 +44,7 @@ class Options:
 
 
 @dataclass(frozen=True)
-class Setup:
+class SimulatedVehicle:
     """The vehicle, its sensors' places and how well the vehicle file knows them."""
 
     vehicle: str  # the [vehicle] table of vehicle.toml
@@ -67,7 +67,7 @@ class Setup:
 
 
 @dataclass(frozen=True)
-class Event:
+class Episode:
     """A slip episode; the kinds are those of `events.csv`."""
 
     start: float  # s
@@ -85,12 +85,12 @@ class Event:
 class Driven:
     """The noise-free half of a run."""
 
-    setup: Setup
+    setup: SimulatedVehicle
     commands: Commands
     truth: Truth
     odometer_speed: Array  # (M,) or, of both sides, (M, 2) m/s at the internal nodes, unscaled
     constants: dict[str, Any] = field(default_factory=dict)  # calibration.json entries
-    events: Sequence[Event] = ()
+    events: Sequence[Episode] = ()
 
 
 def stream(seed: int, topic: str) -> np.random.Generator:
@@ -105,7 +105,7 @@ def clock(options: Options, duration: float) -> Array:
 
 
 def follow(
-    options: Options, setup: Setup, commands: Commands, sideways: Array, upward: Array
+    options: Options, setup: SimulatedVehicle, commands: Commands, sideways: Array, upward: Array
 ) -> Truth:
     """Truth of a vehicle point with velocity `[sideways, speed, upward]` (M,) m/s in m."""
     dt = float(commands.time[1])

@@ -8,7 +8,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from graphnav.simulation import imu, stamps
-from graphnav.simulation.drive import Driven, Options, Setup, stream
+from graphnav.simulation.drive import Driven, Options, SimulatedVehicle, stream
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.gnss import ANTENNA, fixes
 from graphnav.simulation.grades import DEG_H, GRADES, MG
@@ -181,7 +181,7 @@ def _constants(driven: Driven, sensed: imu.Sensed, scale: Array, rate_hz: int) -
     return out
 
 
-def _vehicle(setup: Setup, heading_deg: float, gnss: bool) -> str:
+def _vehicle(setup: SimulatedVehicle, heading_deg: float, gnss: bool) -> str:
     """vehicle.toml: nominal values, and the start heading as well as it is known."""
     grade = GRADES[setup.grade]
     lat, lon, height = setup.start

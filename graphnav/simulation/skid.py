@@ -4,7 +4,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from graphnav.simulation.drive import Driven, Options, Setup, clock, follow, stream
+from graphnav.simulation.drive import Driven, Options, SimulatedVehicle, clock, follow, stream
 from graphnav.simulation.field import SKID, without
 from graphnav.simulation.legs import Commands, Leg, commands, cut
 from graphnav.simulation.slip import slipping
@@ -50,11 +50,11 @@ def _sides(moves: Commands, effective: float) -> np.ndarray[tuple[int, ...], np.
     return np.stack([moves.speed - half, moves.speed + half], -1)
 
 
-def _setup(rng: np.random.Generator, options: Options) -> Setup:
+def _setup(rng: np.random.Generator, options: Options) -> SimulatedVehicle:
     lever = rng.uniform(0.03, 0.08, 3) * rng.choice([-1.0, 1.0], 3)
     mount = rng.uniform(0.2, 1.0, 3) * rng.choice([-1.0, 1.0], 3) * [1, 0, 1]
     field = without(SKID, options.without)
-    return Setup(
+    return SimulatedVehicle(
         vehicle=VEHICLE,
         grade=options.grade or field.grade,
         pulse=0.0,

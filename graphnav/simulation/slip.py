@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from graphnav.simulation.drive import Options, Setup, stream
+from graphnav.simulation.drive import Options, SimulatedVehicle, stream
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.field import wander
 from graphnav.simulation.ground import tilt
@@ -11,7 +11,7 @@ from graphnav.simulation.legs import Commands
 LENGTH = 6.0  # m of travel over which slip stays alike
 
 
-def slipping(options: Options, setup: Setup, drive: Commands, speed: Array) -> Array:
+def slipping(options: Options, setup: SimulatedVehicle, drive: Commands, speed: Array) -> Array:
     """Speed of the running gear (M,) or of both sides (M, 2) m/s where it goes at `speed`."""
     field = setup.field
     if field is None or "slip" not in field.effects:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from graphnav.common.errors import InputError
-from graphnav.simulation.drive import Driven, Options, Setup, clock, follow, stream
+from graphnav.simulation.drive import Driven, Options, SimulatedVehicle, clock, follow, stream
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.field import TRACKED, Field, without
 from graphnav.simulation.ground import Roughness
@@ -68,10 +68,10 @@ def drive(options: Options, field: Field | None = None) -> Driven:
     return Driven(setup, moves, truth, gearbox, _constants(ground))
 
 
-def _setup(rng: np.random.Generator, options: Options) -> Setup:
+def _setup(rng: np.random.Generator, options: Options) -> SimulatedVehicle:
     lever = rng.uniform(0.05, 0.10, 3) * rng.choice([-1.0, 1.0], 3)
     mount = rng.uniform(0.1, 0.2, 3) * rng.choice([-1.0, 1.0], 3) * [1, 0, 1]
-    return Setup(
+    return SimulatedVehicle(
         vehicle=VEHICLE,
         grade=options.grade or "fog",
         pulse=0.0108,

@@ -6,7 +6,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from graphnav.simulation.drive import Driven, Event, Options, Setup, clock, follow, stream
+from graphnav.simulation.drive import (
+    Driven,
+    Episode,
+    Options,
+    SimulatedVehicle,
+    clock,
+    follow,
+    stream,
+)
 from graphnav.simulation.ellipsoid import Array
 from graphnav.simulation.field import WHEELED, without
 from graphnav.simulation.ground import Roughness
@@ -18,7 +26,7 @@ VEHICLE = '[vehicle]\nkind = "wheeled"\n'
 EPISODE_EVERY = 1500.0 / 4  # s, of the unlisted ones
 KINDS = ("side_slip", "hop", "wheel_spin", "wheel_lock")
 SHARES = (0.4, 0.2, 0.2, 0.2)
-LISTED = (Event(400.0, 405.0, "side_slip", 5.0), Event(900.0, 905.0, "hop", 5.0))
+LISTED = (Episode(400.0, 405.0, "side_slip", 5.0), Episode(900.0, 905.0, "hop", 5.0))
 
 
 @dataclass(frozen=True)
@@ -44,7 +52,7 @@ def drive_truck(options: Options) -> Driven:
     rng = stream(options.seed, "mounting")
     lever = rng.uniform(0.10, 0.15, 3) * rng.choice([-1.0, 1.0], 3)
     mount = rng.uniform(0.1, 0.2, 3) * rng.choice([-1.0, 1.0], 3) * [1, 0, 1]
-    setup = Setup(
+    setup = SimulatedVehicle(
         vehicle=VEHICLE,
         grade=options.grade or "navigation",
         pulse=0.02,
@@ -84,8 +92,8 @@ def drive_field(options: Options) -> Driven:
     return _driven(options, setup, FIELD_CAR, ())
 
 
-def _car(options: Options) -> Setup:
-    return Setup(
+def _car(options: Options) -> SimulatedVehicle:
+    return SimulatedVehicle(
         vehicle=VEHICLE,
         grade=options.grade or "mems",
         pulse=0.0,
@@ -98,7 +106,7 @@ def _car(options: Options) -> Setup:
     )
 
 
-def episodes(rng: np.random.Generator, duration: float) -> tuple[Event, ...]:
+def episodes(rng: np.random.Generator, duration: float) -> tuple[Episode, ...]:
     """The two listed episodes and four more per 1500 s, on straights, apart from each other."""
     found = [event for event in LISTED if event.end < duration]
     free = [
@@ -117,11 +125,13 @@ def episodes(rng: np.random.Generator, duration: float) -> tuple[Event, ...]:
             "wheel_spin": rng.uniform(2.0, 5.0),
             "wheel_lock": -np.inf,
         }[kind]
-        found.append(Event(start, round(start + seconds, 2), kind, float(peak)))
+        found.append(Episode(start, round(start + seconds, 2), kind, float(peak)))
     return tuple(sorted(found, key=lambda event: event.start))
 
 
-def _driven(options: Options, setup: Setup, traffic: Traffic, events: tuple[Event, ...]) -> Driven:
+def _driven(
+    options: Options, setup: SimulatedVehicle, traffic: Traffic, events: tuple[Episode, ...]
+) -> Driven:
     duration = options.duration or traffic.duration
     time = clock(options, duration)
     legs = cut(_legs(stream(options.seed, "plan"), traffic, events), duration)
@@ -133,7 +143,7 @@ def _driven(options: Options, setup: Setup, traffic: Traffic, events: tuple[Even
     return Driven(setup, moves, truth, slipping(options, setup, moves, odometer), {}, known)
 
 
-def _legs(rng: np.random.Generator, traffic: Traffic, events: tuple[Event, ...]) -> Iterator[Leg]:
+def _legs(rng: np.random.Generator, traffic: Traffic, events: tuple[Episode, ...]) -> Iterator[Leg]:
     """Endless cells of one cadence each: a turn at its start, then straight, or a stop."""
     yield Leg(traffic.standstill, 0.0, 0.0, "stop")
     speed = float(rng.choice(traffic.speeds))
@@ -158,7 +168,7 @@ def _legs(rng: np.random.Generator, traffic: Traffic, events: tuple[Event, ...])
         time, cell = time + traffic.cadence, cell + 1
 
 
-def _burst(time: Array, events: tuple[Event, ...], kind: str) -> Array:
+def _burst(time: Array, events: tuple[Episode, ...], kind: str) -> Array:
     """Velocity (M,) m/s of a kind's episodes: constant acceleration up to the peak and back."""
     out = np.zeros(len(time))
     for event in events:
@@ -169,7 +179,7 @@ def _burst(time: Array, events: tuple[Event, ...], kind: str) -> Array:
     return out
 
 
-def _wheel_speed(moves: Commands, events: tuple[Event, ...]) -> tuple[Array, tuple[Event, ...]]:
+def _wheel_speed(moves: Commands, events: tuple[Episode, ...]) -> tuple[Array, tuple[Episode, ...]]:
     """Speed (M,) m/s at the wheel: spinning adds to it, a locked wheel stands still."""
     wheel = moves.speed + _burst(moves.time, events, "wheel_spin")
     known = []
@@ -179,5 +189,5 @@ def _wheel_speed(moves: Commands, events: tuple[Event, ...]) -> tuple[Array, tup
             span = (moves.time >= event.start) & (moves.time < event.end)
             peak = -float(moves.speed[span].max(initial=0.0))
             wheel[span] = 0.0
-        known.append(Event(event.start, event.end, event.kind, peak))
+        known.append(Episode(event.start, event.end, event.kind, peak))
     return wheel, tuple(known)

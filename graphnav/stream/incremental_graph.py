@@ -252,8 +252,8 @@ class IncrementalGraph:
         """Find the noise in the residuals of the whole run so far, as the batch's rounds do."""
         problem = self.whole(estimate)
         blocks = problem.linearise(estimate)
-        net = square_root(blocks, problem.chain, FIRST)
-        joints = covariances(net, problem.chain).joints
+        net = square_root(blocks, problem.order, FIRST)
+        joints = covariances(net, problem.order).joints
         found = rescaled(self.log.scales, blocks, problem.groups, joints)
         gear = {key: scale for key, scale in found.items() if not key.startswith(kinds.GNSS)}
         self.log.scales = {key: max(scale, BOLDEST) for key, scale in gear.items()}

@@ -139,8 +139,8 @@ def distance_from_batch(graph: IncrementalGraph) -> float:
     """How far the batch would still move iSAM2's estimate with the same factors, m, at most."""
     estimate = graph.everything()
     problem = graph.whole(estimate)
-    net = square_root(problem.linearise(estimate), problem.chain, FIRST)
-    nodes, _ = step(net, problem.chain)
+    net = square_root(problem.linearise(estimate), problem.order, FIRST)
+    nodes, _ = step(net, problem.order)
     return float(np.linalg.norm(nodes[:, POSITION], axis=1).max())
 
 

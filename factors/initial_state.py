@@ -15,7 +15,7 @@ AXES = ("theta_e", "theta_n", "theta_u", "v_e", "v_n", "v_u", "p_e", "p_n", "p_u
 
 
 @dataclass(frozen=True)
-class Start:
+class InitialState:
     """A node's state known beforehand; attitude error in n (tilt east, tilt north, heading)."""
 
     R_nb: Array  # (3, 3)
@@ -24,7 +24,7 @@ class Start:
     sd: Array  # (9,) rad, m/s, m
 
 
-def start(known: Start, time: float, x: Estimate) -> Block:
+def initial_state(known: InitialState, time: float, x: Estimate) -> Block:
     """The prior as a block on node 0, at `time` s."""
     R, v, p = x.R_nb[0], x.v_n[0], x.p_n[0]
     theta_n = so3.log(R @ known.R_nb.T)
