@@ -103,9 +103,9 @@ def judge(solved: Solved, columns: dict[str, Any], used: Run, progress: Stages) 
 
 def said_of(solved: Solved) -> list[str]:
     """What a reader of the result should know, in sentences."""
-    from graphnav.batch import doubts
+    from graphnav.batch import fix_doubts
 
-    return [*solved.verdicts, *doubts.where(solved)]
+    return [*solved.verdicts, *fix_doubts.where(solved)]
 
 
 def solve(

@@ -8,15 +8,16 @@ import pandas as pd
 import pytest
 from smoothing import QUICK, changed, command, summary
 
-from graphnav.batch import causes, doubts
+from graphnav.batch import causes, doubts, fix_doubts
 from graphnav.batch.hypotheses import hypotheses
 from graphnav.batch.judgement import judge
+from graphnav.common.remark import Remark
 from graphnav.common.run import Run
 from graphnav.pipeline import solve
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.result import trajectory
-from graphnav.result.quality import Doubt, Spread, graded, in_one_line
+from graphnav.result.quality import Spread, graded, in_one_line
 from graphnav.result.result_directory import load
 from graphnav.result.solved import Solved
 from graphnav.simulation import simulate
@@ -45,26 +46,27 @@ def grade_of(solved: Solved) -> str:
     return judge(solved, trajectory.table(solved, 10.0), solved.run).grade
 
 
-def doubting(solved: Solved, kind: str, share: float) -> Solved:
-    """The run with a share of the factors of a kind doubted."""
-    weights = [
-        np.where(np.arange(len(w))[:, None] < share * len(w), 0.1, 1.0) * np.ones_like(w)
-        if block.kind == kind
-        else w
-        for block, w in zip(solved.blocks, solved.weights, strict=True)
-    ]
-    return replace(solved, weights=weights)
+def doubting(solved: Solved, kind: str, share: float, away: float = 50.0) -> Solved:
+    """The run with a share of the factors of a kind doubted, `away` sigma off."""
+    blocks, weights = [], []
+    for block, weight in zip(solved.blocks, solved.weights, strict=True):
+        doubted = (np.arange(len(weight)) < share * len(weight))[:, None] & (block.kind == kind)
+        blocks.append(replace(block, residual=block.residual + away * doubted))
+        weights.append(np.where(doubted, 0.1, 1.0) * np.ones_like(weight))
+    return replace(solved, blocks=blocks, weights=weights)
 
 
 def test_a_quality_is_as_bad_as_its_worst_doubt_which_is_told_first() -> None:
-    found = graded([Doubt(1, "a", "x"), Doubt(2, "b"), Doubt(0, "c", "x")], SPREAD, 0.02)
+    found = graded(
+        [Remark("a", "x", level=1), Remark("b", level=2), Remark("c", "x")], SPREAD, 0.02
+    )
     assert (found.grade, found.why, found.remedy) == ("rejected", ("b", "a", "c"), ("x",))
-    assert graded([Doubt(0, "c")], SPREAD, 0.02).grade == "good"
+    assert graded([Remark("c")], SPREAD, 0.02).grade == "good"
     assert graded([], SPREAD, 0.02).grade == "good"
 
 
 def test_the_first_line_says_how_far_to_rely_on_it() -> None:
-    line = in_one_line(graded([Doubt(2, "turned")], SPREAD, 0.0213).as_dict())
+    line = in_one_line(graded([Remark("turned", level=2)], SPREAD, 0.0213).as_dict())
     assert line == (
         "position +- 0.8 m, worst +- 2.1 m at 1834 s; heading +- 0.021 deg: REJECTED; turned"
     )
@@ -90,12 +92,35 @@ def test_what_was_doubted_grades(
     assert grade_of(doubting(solved, kind, share)) == grade
 
 
+def test_fixes_that_scatter_about_the_path_do_not_reject_it(
+    solved: Solved, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle: None)
+    assert grade_of(doubting(solved, "gnss", 0.9, away=0.0)) == "doubtful"
+    gnss = solved.run.gnss
+    assert gnss is not None and not fix_doubts.of_fix_deviations(solved)
+    bold = replace(solved, run=replace(solved.run, gnss=replace(gnss, sd_enu=gnss.sd_enu / 30)))
+    [remark] = fix_doubts.of_fix_deviations(bold)
+    assert "scatter" in remark.why and "gnss_sd_e" in remark.remedy
+
+
+def test_a_start_of_another_day_is_told(solved: Solved) -> None:
+    columns = trajectory.table(solved, 10.0)
+    assert not fix_doubts.of_stated_position(solved, columns)
+    at = solved.vehicle.start
+    assert at.lat is not None
+    elsewhere = at.model_copy(update={"lat": at.lat + 0.01})
+    moved = replace(solved, vehicle=solved.vehicle.model_copy(update={"start": elsewhere}))
+    [remark] = fix_doubts.of_stated_position(moved, columns)
+    assert remark.why == "[start] is 1.1 km from where the fixes put the start"
+
+
 def test_a_calibration_its_prior_excludes_is_told(solved: Solved) -> None:
     [scale] = [c for c in solved.calibrated if c.name == "odometer_scale"]
     off = replace(scale, value=0 * scale.value + 0.2776)
     [doubt] = doubts.of_calibrations([off])
     assert doubt.level == 1
-    assert "0.2776" in doubt.why and "km/h" in doubt.remedy
+    assert "0.2776 (km/h?)" in doubt.why and "unit" in doubt.remedy
     assert not doubts.of_calibrations([scale])
 
 

@@ -10,11 +10,11 @@ from graphnav.batch.finish import finish
 from graphnav.batch.hypotheses import hypotheses
 from graphnav.batch.smoother import smooth_batch
 from graphnav.common.errors import GraphnavError
+from graphnav.common.remark import Remark
 from graphnav.common.run import Run
 from graphnav.graph.preparation import prepare
 from graphnav.reading.plausibility import driving_findings
 from graphnav.reading.vehicle import Vehicle
-from graphnav.result.quality import Doubt
 from graphnav.result.solved import Solved
 
 PIECE_S = 300.0  # of driving that shows a mistake
@@ -23,11 +23,11 @@ INTERVAL_S = 2.0  # between nodes: coarse is enough
 CURED, SHARE_LEFT = 0.12, 0.25
 EXCUSED = 3.0  # sigma of a calibration
 PER_SIGMA, MOST_SIGMA = 0.01, 0.3  # of doubt, by calibration
-CONTRADICTION = 0.3  # of doubt, by finding of how vehicles drive
+CONTRADICTION = 0.3  # of doubt, by finding of how vehicles drive and remark on the start
 UNSOLVED = 3.0  # of doubt
 
 
-def likeliest(run: Run, vehicle: Vehicle) -> Doubt | None:
+def likeliest(run: Run, vehicle: Vehicle) -> Remark | None:
     """The mistake that, undone, takes the doubt away; None when none does.
 
     `run` with the fixes in use only. Level 1: it is told, and grades at least doubtful.
@@ -40,21 +40,21 @@ def likeliest(run: Run, vehicle: Vehicle) -> Doubt | None:
     for hypothesis in hypotheses(piece, vehicle):
         solved, doubt = _tried(*hypothesis.undo(piece, vehicle))
         if solved is not None and doubt < left:
-            best, left = Doubt(1, hypothesis.why(solved), hypothesis.remedy(solved)), doubt
+            best, left = Remark(hypothesis.why(solved), hypothesis.remedy(solved), level=1), doubt
         if left < CURED:
             break
     return best
 
 
 def doubt(solved: Solved) -> float:
-    """How much of a solution is doubted: shares of rows, calibrations against their priors, and how
-    vehicles drive; 0 for none."""
+    """How much of a solution is doubted: shares of rows, calibrations against their priors, how
+    vehicles drive, and what the start contradicts; 0 for none."""
     shares = [doubts.rows_doubted(solved, kind, k.axes)[1] for kind, k in doubts.KINDS.items()]
     rows = sum(float(share.mean()) for share in shares if len(share))
     sigmas = [s for c in solved.calibrated if c.name in doubts.CALIBRATIONS
               for s in doubts.sigmas_off(c)]  # fmt: skip
     excess = PER_SIGMA * np.maximum(np.array(sigmas) - EXCUSED, 0.0)
-    odd = CONTRADICTION * len(driving_findings(solved.run, solved.vehicle))
+    odd = CONTRADICTION * (len(driving_findings(solved.run, solved.vehicle)) + len(solved.remarks))
     return rows + float(np.minimum(excess, MOST_SIGMA).sum()) + odd
 
 

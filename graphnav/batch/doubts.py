@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 
 from factors import kinds
 from factors.block import Block
+from graphnav.common.remark import Remark
 from graphnav.common.run import Array
-from graphnav.result.quality import Doubt
 from graphnav.result.solved import Calibrated, Solved
 
+AMONG = 3.0  # times their scatter that fixes may lie off a path that runs among them
 DOUBTED = 0.5  # a row's weight
-SPANS_TOLD = 6
 FEW = 8  # factors of a kind that can be judged at all
 # Healthy runs, simulated and recorded, doubt up to 6 % of their fixes and 4 % of their odometer
 SURPRISING, BEYOND = 5.0, 15.0  # sigma of a calibration
@@ -47,14 +47,26 @@ KINDS = {
     kinds.INERTIAL: Limits((), 0.05, 0.4, "the IMU contradicts", "inertial intervals"),
 }
 
+# scales a user's odometer comes with: metres per second, or per count, over its unit
+FACTORS = {
+    1 / 3.6: "km/h",
+    0.44704: "miles per hour",
+    0.514444: "knots",
+    0.3048: "feet",
+    0.01: "centimetres",
+    0.001: "millimetres",
+    0.5: "both edges of a pulse counted",
+    0.25: "four edges of a pulse counted",
+    2.0: "half the pulses counted",
+}
 Cause = tuple[str, str]  # what a surprising calibration means, and its cure
 CALIBRATIONS: dict[str, Cause] = {
     "odometer_scale": (
-        "the odometer's scale is {value:.4g}",
-        "check the odometer's unit (km/h is 0.278), direction and [odometer] metres_per_pulse",
+        "the odometer's scale is {value:.4g}{named}",
+        "check the odometer's unit, direction and [odometer] metres_per_pulse",
     ),
     "mounting_deg": (
-        "the IMU lies {value:.1f} deg ({component}) from its stated mounting",
+        "the IMU lies {off:.1f} deg ({component}) from its stated mounting",
         "check [odometer] mount_deg and [imu] axes",
     ),
     "lever_arm_m": (
@@ -84,7 +96,7 @@ CALIBRATIONS: dict[str, Cause] = {
 }
 
 
-def of_factors(solved: Solved) -> list[Doubt]:
+def of_factors(solved: Solved) -> list[Remark]:
     """Kinds of factor of which too many rows were doubted, with the longest span."""
     said = []
     for kind, limits in KINDS.items():
@@ -92,23 +104,30 @@ def of_factors(solved: Solved) -> list[Doubt]:
         share = float(doubted.mean()) if len(doubted) >= FEW else 0.0
         if share > limits.doubtful:
             start, end = longest(time, doubted)
+            away = share > limits.rejected and not (kind == kinds.GNSS and scattered(solved))
             clock = solved.run.clock_start
             said.append(
-                Doubt(
-                    1 + (share > limits.rejected),
+                Remark(
                     f"{limits.name} the rest: {100 * share:.0f} % of the {limits.rows} were "
                     f"doubted, longest {start + clock:.0f}-{end + clock:.0f} s",
+                    level=1 + away,
                 )
             )
     return said
 
 
-def where(solved: Solved) -> list[str]:
-    """The longest spans in which fixes were doubted, in sentences and in order of time."""
-    clock = solved.run.clock_start
-    found = spans(*rows_doubted(solved, kinds.GNSS, KINDS[kinds.GNSS].axes))
-    told = sorted(sorted(found, key=lambda s: s[0] - s[1])[:SPANS_TOLD])
-    return [f"GNSS disagreed {a + clock:.0f}-{b + clock:.0f} s: down-weighted" for a, b in told]
+def scattered(solved: Solved) -> bool:
+    """Whether fixes are doubted for their scatter about a path that lies among them."""
+    for block, _ in of_kind(solved, kinds.GNSS):
+        if block.sigma is not None and len(block.time) >= FEW:
+            off = (block.residual * block.sigma)[:, :2]
+            return bool(np.all(np.median(np.abs(off), axis=0) < AMONG * scatter(off)))
+    return False
+
+
+def scatter(off: Array) -> Array:
+    """Standard deviation (d,) of what differs from one row of (n, d) to the next, robust."""
+    return np.asarray(1.4826 * np.median(np.abs(np.diff(off, axis=0)), axis=0) / np.sqrt(2))
 
 
 def rows_doubted(
@@ -142,7 +161,7 @@ def longest(time: Array, mask: NDArray[np.bool_]) -> tuple[float, float]:
     return max(spans(time, mask, 1), key=lambda span: span[1] - span[0])
 
 
-def of_calibrations(calibrated: list[Calibrated]) -> list[Doubt]:
+def of_calibrations(calibrated: list[Calibrated]) -> list[Remark]:
     """Calibrations that ended where their prior all but excludes them."""
     said = []
     for c in calibrated:
@@ -152,11 +171,20 @@ def of_calibrations(calibrated: list[Calibrated]) -> list[Doubt]:
         sigmas = sigmas_off(c)
         for k in np.flatnonzero(sigmas > SURPRISING):
             value = float(np.median(c.value[:, k]))
-            found = what.format(value=value, component=c.components[k])
+            words = {"value": value, "off": value - c.prior[k], "component": c.components[k]}
+            found = what.format(**words, named=_factor_named(value))
             said.append(
-                Doubt(1, f"{found}, {sigmas[k]:.0f} of its sigma from what is stated", cure)
+                Remark(f"{found}, {sigmas[k]:.0f} of its sigma from what is stated", cure, level=1)
             )
     return said
+
+
+def _factor_named(scale: float) -> str:
+    """What an odometer's scale looks like, in brackets; nothing where it looks like nothing."""
+    named = [name for factor, name in FACTORS.items() if abs(abs(scale) / factor - 1) < 0.02]
+    if scale < 0:
+        named = ["forward counted as backward", *named]
+    return f" ({', '.join(named)}?)" if named else ""
 
 
 def sigmas_off(c: Calibrated) -> Array:
@@ -164,8 +192,8 @@ def sigmas_off(c: Calibrated) -> Array:
     return np.asarray(np.abs(np.median(c.value, axis=0) - c.prior) / np.maximum(c.prior_sd, 1e-12))
 
 
-def of_start(solved: Solved) -> list[Doubt]:
-    """A stated heading and a stated position that the run contradicts."""
+def of_start(solved: Solved) -> list[Remark]:
+    """A stated heading that the run contradicts."""
     said = []
     source = solved.solver.get("heading_source", "at the start")
     for block, _ in of_kind(solved, kinds.START):
@@ -173,25 +201,17 @@ def of_start(solved: Solved) -> list[Doubt]:
         sigmas, off = np.abs(block.residual[0]), np.abs(block.residual[0] * block.sigma[0])
         if sigmas[2] > STATED:
             said.append(
-                Doubt(
-                    int(sigmas[2] > SURPRISING),
+                Remark(
                     f"the heading {source} disagrees with the run by {np.rad2deg(off[2]):.3g} deg, "
                     f"{sigmas[2]:.1f} of its sigma",
                     "correct or leave out [start] heading_deg, or state its heading_sd_deg",
-                )
-            )
-        if max(sigmas[6:8]) > SURPRISING:
-            said.append(
-                Doubt(
-                    1,
-                    f"[start] is {distance(float(np.hypot(*off[6:8])))} from where the run began",
-                    "correct or leave out [start] lat and lon",
+                    level=int(sigmas[2] > SURPRISING),
                 )
             )
     return said
 
 
-def of_inertial_noise(solved: Solved) -> list[Doubt]:
+def of_inertial_noise(solved: Solved) -> list[Remark]:
     """An IMU far worse than stated: by its residuals and by the noise found in them."""
     found = solved.solver.get("noise_found", {})
     times = [float(v) for k, v in found.items() if k.startswith(kinds.INERTIAL)]
@@ -201,41 +221,14 @@ def of_inertial_noise(solved: Solved) -> list[Doubt]:
     if worst < WORSE:
         return []
     return [
-        Doubt(
-            0,
+        Remark(
             f"the IMU is {worst:.0f} times as noisy as its grade or data sheet says",
             "state [imu] grade or its noise as it is when driving",
         )
     ]
 
 
-def of_unused_fixes(solved: Solved, columns: dict[str, Array]) -> list[Doubt]:
-    """The path far from fixes that were not used, for what they are worth."""
-    gnss = solved.run.gnss
-    if gnss is None or rows_doubted(solved, kinds.GNSS)[0].size:
-        return []
-    time = columns["time"] - solved.run.clock_start
-    on = (gnss.time >= time[0]) & (gnss.time <= time[-1])
-    if on.sum() < FEW:
-        return []
-    off = [np.interp(gnss.time[on], time, columns[k]) - x
-           for k, x in zip("en", solved.fixes_n[on].T, strict=False)]  # fmt: skip
-    sd = [np.interp(gnss.time[on], time, columns[f"sd_{k}"]) for k in "en"]
-    apart, promised = np.hypot(*off), np.hypot(np.hypot(*sd), np.hypot(*gnss.sd_enu[on, :2].T))
-    sigmas = float(np.median(apart / promised))
-    if sigmas < SURPRISING:
-        return []
-    return [
-        Doubt(
-            1,
-            f"the path lies {distance(float(np.median(apart)))} from the fixes that were not used, "
-            f"{sigmas:.0f} times what it promises",
-            "smooth with the fixes, or check [start] heading_deg, [imu] axes and the odometer",
-        )
-    ]
-
-
-def of_motion(columns: dict[str, Array]) -> list[Doubt]:
+def of_motion(columns: dict[str, Array]) -> list[Remark]:
     """Speeds, accelerations and slopes that no land vehicle has, over a second each."""
     time = columns["time"]
     once = np.unique(np.searchsorted(time, np.arange(time[0], time[-1], 1.0)))
@@ -246,9 +239,13 @@ def of_motion(columns: dict[str, Array]) -> list[Doubt]:
     gained = np.append(np.linalg.norm(np.diff(v, axis=0), axis=1) / np.diff(t), 0.0)
     slope = np.abs(v[:, 2]) - CLIMBING * np.maximum(np.hypot(v[:, 0], v[:, 1]), 1.0)
 
-    def told(value: Array, limit: float, word: Callable[[int], str]) -> list[Doubt]:
+    def told(value: Array, limit: float, word: Callable[[int], str]) -> list[Remark]:
         k = int(value.argmax())
-        return [] if value[k] < limit else [Doubt(2, f"{word(k)} at {t[k]:.0f} s: no vehicle does")]
+        return (
+            []
+            if value[k] < limit
+            else [Remark(f"{word(k)} at {t[k]:.0f} s: no vehicle does", level=2)]
+        )
 
     return [
         *told(speed, FASTEST, lambda k: f"the path moves at {speed[k]:.0f} m/s"),

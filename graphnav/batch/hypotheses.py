@@ -1,19 +1,18 @@
 """Mistakes a user may have made, as changes of run and vehicle file that would undo them."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from graphnav.common.angles import angles_of_rotation
-from graphnav.common.run import Array, Gnss, Imu, Run
+from graphnav.batch.fix_hypotheses import of_antenna, of_fixes, of_start
+from graphnav.batch.hypothesis import Hypothesis, Undone, said
+from graphnav.common.run import Array, Imu, Run
 from graphnav.reading.axes import axes_name
 from graphnav.reading.plausibility import seconds
 from graphnav.reading.units import DEG
 from graphnav.reading.vehicle import Vehicle
-from graphnav.result.solved import Solved
 
-Undone = tuple[Run, Vehicle]
 SNAP_DEG = 8.0  # an IMU turned so close to a right angle has other axes
 RIGHT_ANGLES = (
     (90.0, False),
@@ -25,55 +24,19 @@ RIGHT_ANGLES = (
 )
 BENDS = 20  # seconds of pull that show how an IMU lies
 PULL = 0.3  # m/s^2
+MISCOUNTED = (0.02, 0.5)  # off 1, of a gyro's scale
 TURNED_DEG = 5.0
 FORGIVING_DEG = 30.0  # of a mounting that may be anything
-
-
-@dataclass(frozen=True)
-class Hypothesis:
-    """A mistake: what undoes it, and words for it once the run agrees."""
-
-    undo: Callable[[Run, Vehicle], Undone]
-    why: Callable[[Solved], str]  # of the run solved without the mistake
-    remedy: Callable[[Solved], str]
 
 
 def hypotheses(run: Run, vehicle: Vehicle) -> list[Hypothesis]:
     """Everything worth trying, the likeliest first; `run` with the fixes in use only."""
     found = [*_lying(run, vehicle), *_gyros(run)]
+    if run.imu is not None and run.odometer is not None:
+        found += _gyro_scale(run)
     if run.gnss is not None:
-        found = [*_start(vehicle), *found, *_fixes(run), *_antenna(vehicle)]
+        found = [*of_start(vehicle), *found, *of_fixes(run), *of_antenna(vehicle)]
     return found + _odometer(run, vehicle)
-
-
-def said(text: str) -> Callable[[Solved], str]:
-    """Words that need nothing of the solution."""
-    return lambda _: text
-
-
-def _start(vehicle: Vehicle) -> list[Hypothesis]:
-    """The stated heading is wrong."""
-    stated = vehicle.start.heading_deg
-    if stated is None:
-        return []
-
-    def headless(run: Run, vehicle: Vehicle) -> Undone:
-        start = vehicle.start.model_copy(update={"heading_deg": None})
-        return run, vehicle.model_copy(update={"start": start})
-
-    def off(solved: Solved) -> str:
-        wrong = (stated - _heading(solved) + 180) % 360 - 180
-        return f"the heading stated in [start] is wrong by {wrong:.0f} deg"
-
-    def cure(solved: Solved) -> str:
-        return f"leave out [start] heading_deg, or state {_heading(solved):.1f}"
-
-    return [Hypothesis(headless, off, cure)]
-
-
-def _heading(solved: Solved) -> float:
-    """Heading at the start, deg."""
-    return float(np.rad2deg(angles_of_rotation(solved.path.R_nb[0])[2]))
 
 
 def _lying(run: Run, vehicle: Vehicle) -> list[Hypothesis]:
@@ -161,57 +124,23 @@ def _gyros(run: Run) -> list[Hypothesis]:
     ]  # fmt: skip
 
 
-def _fixes(run: Run) -> list[Hypothesis]:
-    """Signs and order of the fixes' coordinates."""
-
-    def with_fixes(change: Callable[[Gnss], Gnss]) -> Callable[[Run, Vehicle], Undone]:
-        def undo(run: Run, vehicle: Vehicle) -> Undone:
-            assert run.gnss is not None
-            nowhere = {"lat": None, "lon": None}
-            start = vehicle.start.model_copy(update=nowhere)
-            moved = vehicle.model_copy(update={"start": start})
-            return replace(run, gnss=change(run.gnss)), moved
-
-        return undo
-
-    found = [
-        Hypothesis(with_fixes(lambda g: replace(g, lon_deg=-g.lon_deg)),
-                   said("the longitude of the fixes has lost its sign (west is negative)"),
-                   said("longitude without its sign? give gnss_lon its sign")),
-        Hypothesis(with_fixes(lambda g: replace(g, lat_deg=-g.lat_deg)),
-                   said("the latitude of the fixes has lost its sign (south is negative)"),
-                   said("latitude without its sign? give gnss_lat its sign")),
-    ]  # fmt: skip
-    assert run.gnss is not None
-    if np.all(np.abs(run.gnss.lon_deg) < 90):
-        swapped = with_fixes(lambda g: replace(g, lat_deg=g.lon_deg, lon_deg=g.lat_deg))
-        why = said("latitude and longitude of the fixes are exchanged")
-        found.append(
-            Hypothesis(swapped, why, said("exchange gnss_lat and gnss_lon under [columns]"))
-        )
-    return found
-
-
-def _antenna(vehicle: Vehicle) -> list[Hypothesis]:
-    """Sign and unit of the antenna's lever arm."""
-    stated = vehicle.gnss.lever_arm
-    if stated is None or not any(stated):
+def _gyro_scale(run: Run) -> list[Hypothesis]:
+    """Gyros that read a few per cent too much or too little, as the pull in bends says."""
+    now = seconds(run)
+    pull = -now.speed * now.rate[:, 2]
+    on = np.isfinite(pull) & (np.abs(pull) > PULL)
+    if on.sum() < BENDS:
+        return []
+    by = float(np.polyfit(pull[on], now.force[on, 0], 1)[0])
+    if not MISCOUNTED[0] < abs(by - 1) < MISCOUNTED[1]:
         return []
 
-    def with_lever(by: float) -> Callable[[Run, Vehicle], Undone]:
-        def undo(run: Run, vehicle: Vehicle) -> Undone:
-            lever = tuple(by * x for x in vehicle.gnss.lever_arm or ())
-            spec = vehicle.gnss.model_copy(update={"lever_arm": lever})
-            return run, vehicle.model_copy(update={"gnss": spec})
+    def undo(run: Run, vehicle: Vehicle) -> Undone:
+        assert run.imu is not None
+        return replace(run, imu=replace(run.imu, gyro=run.imu.gyro * by)), vehicle
 
-        return undo
-
-    return [
-        Hypothesis(with_lever(-1.0), said("the antenna's lever arm has the wrong sign"),
-                   said("[gnss] lever_arm goes from the IMU to the antenna: right, forward, up")),
-        Hypothesis(with_lever(0.01), said("the antenna's lever arm is 100 times too long"),
-                   said("[gnss] lever_arm is in metres, not in centimetres")),
-    ]  # fmt: skip
+    why = f"the gyros read {100 * (1 / by - 1):+.0f} % of what turns: their scale is wrong"
+    return [Hypothesis(undo, said(why), said("check the gyros' scale factor and unit"))]
 
 
 def _odometer(run: Run, vehicle: Vehicle) -> list[Hypothesis]:

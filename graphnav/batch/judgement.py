@@ -2,36 +2,37 @@
 
 import numpy as np
 
-from graphnav.batch import causes, doubts
+from graphnav.batch import causes, doubts, fix_doubts
+from graphnav.common.remark import Remark
 from graphnav.common.run import Array, Run
 from graphnav.reading.plausibility import driving_findings
-from graphnav.result.quality import Doubt, Quality, Spread, graded
+from graphnav.result.quality import Quality, Spread, graded
 from graphnav.result.solved import Solved
 
 
 def judge(solved: Solved, columns: dict[str, Array], used: Run) -> Quality:
     """The quality of a solved run; `columns` of its trajectory as `trajectory.table` makes them,
     `used` the run with the fixes in use only."""
-    found = _doubts(solved, columns)
-    if any(d.level for d in found) and used.imu is not None and used.rover is None:
-        cause = causes.likeliest(used, solved.vehicle)
-        if cause is not None:
-            level = max(d.level for d in found)
-            found = [Doubt(level, cause.why, cause.remedy), *found]
-    return graded(found, *_spreads(columns))
-
-
-def _doubts(solved: Solved, columns: dict[str, Array]) -> list[Doubt]:
-    return [
-        *(Doubt(remark.level, remark.why, remark.remedy) for remark in solved.remarks),
+    told = [
+        *solved.remarks,
         *doubts.of_start(solved),
         *doubts.of_calibrations(solved.calibrated),
-        *(Doubt(1, said) for said in _driving(solved)),
-        *doubts.of_factors(solved),
-        *doubts.of_unused_fixes(solved, columns),
-        *doubts.of_motion(columns),
         *doubts.of_inertial_noise(solved),
+        *fix_doubts.of_fix_deviations(solved),
     ]
+    contradictions = [
+        *(Remark(said, level=1) for said in _driving(solved)),
+        *fix_doubts.of_stated_position(solved, columns),
+        *doubts.of_factors(solved),
+        *fix_doubts.of_unused_fixes(solved, columns),
+        *doubts.of_motion(columns),
+    ]
+    level = max([0, *(d.level for d in contradictions)])
+    if level and used.imu is not None and used.rover is None:
+        cause = causes.likeliest(used, solved.vehicle)
+        if cause is not None:
+            contradictions = [Remark(cause.why, cause.remedy, level=level), *contradictions]
+    return graded([*contradictions, *told] if level else told, *_spreads(columns))
 
 
 def _driving(solved: Solved) -> list[str]:

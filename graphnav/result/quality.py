@@ -3,17 +3,10 @@
 from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
+from graphnav.common.remark import Remark
+
 Grade = Literal["good", "doubtful", "rejected"]
-GRADES: tuple[Grade, ...] = ("good", "doubtful", "rejected")  # an index is a level
-
-
-@dataclass(frozen=True)
-class Doubt:
-    """One thing that speaks against a result; `level` 0: told only, 1: doubtful, 2: rejected."""
-
-    level: int
-    why: str
-    remedy: str = ""
+GRADES: tuple[Grade, ...] = ("good", "doubtful", "rejected")  # an index is a remark's level
 
 
 @dataclass(frozen=True)
@@ -40,9 +33,9 @@ class Quality:
         return asdict(self) | {"why": list(self.why), "remedy": list(self.remedy)}
 
 
-def graded(doubts: list[Doubt], position: Spread, heading_sd_deg: float) -> Quality:
-    """The quality that some doubts leave: as bad as the worst of them."""
-    ordered = sorted(doubts, key=lambda d: -d.level)
+def graded(remarks: list[Remark], position: Spread, heading_sd_deg: float) -> Quality:
+    """The quality that some remarks leave: as bad as the worst of them."""
+    ordered = sorted(remarks, key=lambda d: -d.level)
     return Quality(
         grade=GRADES[max([0, *(d.level for d in ordered)])],
         why=tuple(dict.fromkeys(d.why for d in ordered)),
