@@ -32,6 +32,7 @@ from graphnav.graph.elimination import covariances
 from graphnav.graph.preparation import Prepared, params, prepare
 from graphnav.graph.problem import build
 from graphnav.graph.solve import gauss_newton
+from graphnav.inertial.measured import measured
 from graphnav.reading.read import read_run
 from graphnav.reading.truth import read_truth
 from graphnav.reading.vehicle import Vehicle
@@ -162,7 +163,7 @@ def main() -> None:
     try:
         vehicle = load_vehicle(options.vehicle, options.run)
         truth = read_truth(options.truth) if options.truth else None
-        found = ablation(read_run(options.run, vehicle), vehicle, truth)
+        found = ablation(measured(read_run(options.run, vehicle)), vehicle, truth)
     except GraphnavError as error:
         raise SystemExit(f"ablation: {error}") from None
     if options.json:

@@ -29,6 +29,7 @@ from simulated_runs import add_options, run_of
 
 from graphnav.common.errors import GraphnavError
 from graphnav.common.run import Array
+from graphnav.inertial.measured import measured
 from graphnav.pipeline import solve
 from graphnav.reading.read import read_run
 from graphnav.reading.truth import read_truth
@@ -57,7 +58,7 @@ def judged(directory: Path) -> dict[str, Any]:
     path = directory / "run.csv.gz"
     truth = read_truth(directory / "truth.csv.gz")
     vehicle = load_vehicle(None, path)
-    run = read_run(path, vehicle)
+    run = measured(read_run(path, vehicle))
     began = time.perf_counter()
     solved = solve(run, vehicle)
     took = time.perf_counter() - began

@@ -19,6 +19,7 @@ from graphnav.batch.smoother import smooth_batch
 from graphnav.common.run import Array
 from graphnav.graph.preparation import Prepared, prepare
 from graphnav.graph.robust_schedule import FINAL, FIRST, Weights
+from graphnav.inertial.measured import measured
 from graphnav.reading.read import read_run
 from graphnav.reading.truth import read_truth
 from graphnav.reading.vehicle_file import load_vehicle
@@ -47,7 +48,7 @@ def main() -> None:
     print(f"{'run':<12}{'weights':<9}{'v inside':>9}{'v outside':>10}{'end m':>8}  episodes false")
     for path in parser.parse_args().runs:
         vehicle = load_vehicle(None, path)
-        prep = prepare(read_run(path, vehicle), vehicle, use_gnss=True, outages=())
+        prep = prepare(measured(read_run(path, vehicle)), vehicle, use_gnss=True, outages=())
         spans = _episodes(path.parent / "truth_calibration.json", prep.sensed.run.clock_start)
         for name, weights in (("plain", PLAIN), ("robust", (FIRST, FINAL))):
             s = score(prep, weights, path.parent / "truth.csv.gz", spans)
