@@ -73,12 +73,12 @@ def test_pulses_become_distance(tmp_path: Path) -> None:
     assert run.notes == ()
 
 
-def test_a_counter_that_wraps_counts_no_distance_and_is_told(tmp_path: Path) -> None:
+def test_a_counter_that_wraps_is_unwrapped_and_told(tmp_path: Path) -> None:
     true = np.arange(3000.0)
     run = read(saved(driven().assign(odo_pulses=true % 2048), tmp_path, PULSES))
     assert run.odometer is not None
-    assert run.odometer.distance[-1] == pytest.approx((true[-1] - 1) * 0.02)
-    assert any("jumps 1 times" in note for note in run.notes)
+    assert run.odometer.distance[-1] == pytest.approx(true[-1] * 0.02)
+    assert any("wraps at 2048, 1 times" in note for note in run.notes)
 
 
 def test_jolts_are_neither_rejected_nor_clipped(tmp_path: Path) -> None:

@@ -24,7 +24,7 @@ from factors.velocity import VelocityReading, velocity
 from graphnav.common.run import Array, Odometer
 from graphnav.graph.nodes import Nodes
 from graphnav.graph.preparation import Prepared
-from graphnav.inertial.odometry import odometer_steps, odometer_sums, speed_at
+from graphnav.inertial.odometry import heard, odometer_steps, odometer_sums, speed_at
 
 Factor = Callable[[Estimate], list[Block]]
 Scales = Mapping[str, float]  # noise found in the data over noise assumed, by "kind:state:axis"
@@ -32,7 +32,6 @@ States = NDArray[np.str_]
 
 SPARSE_S = 0.6  # an odometer slower than this gives velocities, not displacements
 BOUNDARY_S = 0.3  # by which a change of state is misplaced, gears and ramps included
-REACH_S = 0.1  # beyond its samples an odometer says nothing
 DROPPED = 1e6  # sigma of a row that says nothing
 VERTICAL = 0.05  # m/s, suspension and bumps
 YAW_FLOOR, YAW_SHARE = 0.02, 0.1  # m; of the sides' difference that a skidding turn may be off
@@ -63,6 +62,10 @@ def motion_factors(round_: Round, moving: Index) -> tuple[list[Factor], dict[str
     on = _inside(moving, nodes, odometer.time)
     factors = [_displacements(round_, on), _phase(nodes, odometer.pulse)]
     groups = {kinds.DISPLACEMENT: driven(prep, state[on])}
+    unheard = np.setdiff1d(moving, on)
+    if len(unheard):  # what the odometer does not tell, the non-holonomic constraint still does
+        factors.append(_velocities(round_, unheard))
+        groups[kinds.VELOCITY] = driven(prep, state[unheard])
     sides = prep.sensed.run.sides
     if TRACK_WIDTH in prep.setup.layout.slices and sides is not None:
         on = _inside(moving, nodes, sides.time)
@@ -73,9 +76,7 @@ def motion_factors(round_: Round, moving: Index) -> tuple[list[Factor], dict[str
 
 def _inside(moving: Index, nodes: Nodes, time: Array) -> Index:
     """The intervals a sensor's samples (n,) s cover."""
-    begin, end = nodes.time[moving], nodes.time[moving + 1]
-    covered = (begin >= time[0] - REACH_S) & (end <= time[-1] + REACH_S)
-    return np.asarray(moving[covered])
+    return np.asarray(moving[heard(time, nodes.time[moving], nodes.time[moving + 1])])
 
 
 def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> OdometerSums:
@@ -182,8 +183,7 @@ def _velocities(round_: Round, moving: Index) -> Factor:
     else:
         stamp = scope.time + delay_of(prep, round_.at)
         speed = _speed(odometer, stamp) * _column(prep, names, "factor")
-        heard = (stamp >= odometer.time[0] - REACH_S) & (stamp <= odometer.time[-1] + REACH_S)
-        sigma[~heard, 1] = DROPPED
+        sigma[~heard(odometer.time, stamp, stamp), 1] = DROPPED
     lateral = -_column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length * rate[:, 2]
     roll, layout = float(prep.setup.vehicle.odometer.mount_b[1]), prep.setup.layout
     reading = VelocityReading(speed, lateral, rate, sigma, roll)

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from graphnav.common.run import Array, Run
+from graphnav.common.run import Array, Imu, Odometer, Run
+from graphnav.inertial.encoder import failures, without
 from graphnav.inertial.gaps import Mask, bridged
 from graphnav.inertial.odometry import speed_at
 from graphnav.inertial.sample_clock import SampleClock, sample_clock
@@ -28,9 +29,28 @@ def measured(run: Run) -> Run:
     for fault in found:
         seen[fault.mask, fault.sensor] = False
     notes = [*_clock_notes(run, clock), *(_note(run, fault) for fault in found)]
+    imu = bridged(imu, clock, seen)
+    odometer, failed = _odometer(run, imu)
+    notes += failed
     if not notes:
         return run
-    return replace(run, imu=bridged(imu, clock, seen), notes=(*run.notes, *notes))
+    return replace(run, imu=imu, odometer=odometer, notes=(*run.notes, *notes))
+
+
+def _odometer(run: Run, imu: Imu) -> tuple[Odometer | None, list[str]]:
+    """The odometer without what it tells after it failed, and what is told of that."""
+    odometer, notes = run.odometer, []
+    if odometer is None:
+        return None, []
+    failed = np.zeros(len(odometer.time), bool)
+    for failure in failures(odometer, imu):
+        failed |= failure.mask
+        at = odometer.time[failure.mask]
+        notes.append(
+            f"the odometer {failure.what} between {_at(run, at[0])} and {_at(run, at[-1])} "
+            f"({len(at)} samples): not used there"
+        )
+    return (without(odometer, failed) if notes else odometer), notes
 
 
 def _resting(run: Run, time: Array) -> Mask:

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from factors import so3
 from factors.block import Index
@@ -10,6 +11,8 @@ from factors.displacement import OdometerSums
 from factors.preintegration import GYRO, Increments, Preintegrated, interval_of_increment
 from graphnav.common.run import Array, Odometer
 
+REACH_S = 0.1  # beyond its samples an odometer says nothing
+SILENT_S, SILENT = 0.5, 3.0  # s and usual intervals between samples: longer, and it was silent
 RATE_S = 0.1  # half the baseline over which the odometer's speed is differenced
 
 
@@ -25,6 +28,19 @@ def speed_at(odometer: Odometer, time: Array, half: float = RATE_S) -> Array:
     gained = distance_at(odometer, ahead) - distance_at(odometer, behind)
     span = ahead - behind
     return gained / np.where(span > 0, span, np.inf)
+
+
+def heard(samples: Array, start: Array, end: Array, reach: float = REACH_S) -> NDArray[np.bool_]:
+    """Which of the spans `start` to `end` (n,) s a sensor's samples at times (m,) s cover.
+
+    `reach` s to either side of its samples it is still believed.
+    """
+    gone = np.diff(samples)
+    silent = np.flatnonzero(gone > max(SILENT_S, SILENT * float(np.median(gone))))
+    inside = (start >= samples[0] - reach) & (end <= samples[-1] + reach)
+    for k in silent:
+        inside &= (end <= samples[k] + reach) | (start >= samples[k + 1] - reach)
+    return np.asarray(inside)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from scipy.ndimage import uniform_filter1d
 from factors.preintegration import Increments
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array, Gnss, Odometer
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometry import heard, speed_at
 
 Mask = NDArray[np.bool_]
 
@@ -169,7 +169,7 @@ def _odometer_silent(inc: Increments, odometer: Odometer) -> Mask:
     distance = np.interp(mid + half, odometer.time, odometer.distance) - np.interp(
         mid - half, odometer.time, odometer.distance
     )
-    covered = (mid >= odometer.time[0] - REACH_S) & (mid <= odometer.time[-1] + REACH_S)
+    covered = heard(odometer.time, mid, mid, REACH_S)
     # one count may fall at rest (rocking); a noisy speed counts as zero below 5 cm/s
     limit = max(1.01 * odometer.pulse, 0.05 * WINDOW_S)
     return np.asarray(covered & (np.abs(distance) <= limit))

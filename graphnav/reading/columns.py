@@ -5,6 +5,7 @@ from graphnav.reading.units import UNITS
 GYRO = ("gyro_x", "gyro_y", "gyro_z")
 ACCEL = ("accel_x", "accel_y", "accel_z")
 SIDES = ("odo_left", "odo_right")
+SIDE_PULSES = ("odo_pulses_left", "odo_pulses_right")
 GNSS = ("gnss_lat", "gnss_lon", "gnss_height")
 GNSS_SD = ("gnss_sd_e", "gnss_sd_n", "gnss_sd_u")
 WHEELS = tuple(f"wheel_{i}" for i in range(1, 7))
@@ -19,6 +20,7 @@ DIMENSION: dict[str, str] = {
     "odo_speed": "speed",
     "odo_pulses": "count",
     **dict.fromkeys(SIDES, "speed"),
+    **dict.fromkeys(SIDE_PULSES, "count"),
     "gnss_lat": "position",
     "gnss_lon": "position",
     "gnss_height": "length",

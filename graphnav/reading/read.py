@@ -20,7 +20,8 @@ from graphnav.common.run import (
     Run,
     SideSpeeds,
 )
-from graphnav.reading.columns import ACCEL, GNSS, GYRO, LINKS, SIDES, STEERS, WHEELS
+from graphnav.reading.columns import ACCEL, GNSS, GYRO, LINKS, SIDE_PULSES, SIDES, STEERS, WHEELS
+from graphnav.reading.counter import counted
 from graphnav.reading.fixes import read_fixes
 from graphnav.reading.inertial_rows import inertial
 from graphnav.reading.samples import Rows, Samples, missing_column, read_samples
@@ -28,7 +29,6 @@ from graphnav.reading.table_file import open_table
 from graphnav.reading.vehicle import Vehicle
 
 Array = NDArray[np.float64]
-FASTEST = 150.0  # m/s: a counter that implies more has wrapped or was reset
 FULL_TURN_DEG = 360.0  # receivers write figures beyond it while they have no heading
 
 
@@ -142,42 +142,52 @@ def _integrated(time: Array, speed: Array) -> Odometer | None:
     return Odometer(time, np.concatenate([[0.0], np.cumsum(steps)]), speed, 0.0)
 
 
-def _counted(reader: _Reader) -> Odometer | None:
-    """Pulses as distance; steps no vehicle can make (wrap, reset) count nothing.  Source: B1."""
+def _per_pulse(reader: _Reader, why: str) -> float:
     per_pulse = reader.vehicle.odometer.metres_per_pulse
     if per_pulse is None:
         raise InputError(
-            f"{reader.samples.file.path}: odo_pulses is a counter, but the vehicle file does not "
-            "say what a count is worth; add [odometer] metres_per_pulse [m]"
+            f"{reader.samples.file.path}: {why}, but the vehicle file does not say what a count is "
+            "worth; add [odometer] metres_per_pulse [m]"
         )
+    return per_pulse
+
+
+def _counted(reader: _Reader) -> Odometer | None:
+    """Pulses as distance.  Source: B1."""
+    per_pulse = _per_pulse(reader, "odo_pulses is a counter")
     rows, values = reader.samples.group(("odo_pulses",), "the odometer")
     if len(rows) < 2:
         return None
-    time = reader.time(rows)
-    step = np.diff(time)
-    moved = np.diff(values[:, 0]) * per_pulse
-    jump = np.abs(moved) > FASTEST * np.maximum(step, 0.1)
-    for i in np.flatnonzero(jump)[:1]:
-        clock = reader.samples.clock[rows[i + 1]]
-        reader.notes.append(
-            f"the pulse counter jumps {int(jump.sum())} times, first by {moved[i] / per_pulse:.0f} "
-            f"at {clock:.3f}: taken as a wrap or reset, no distance counted"
-        )
-    moved = np.where(jump, 0.0, moved)
-    speed = moved / step
-    return Odometer(
-        time,
-        np.concatenate([[0.0], np.cumsum(moved)]),
-        np.concatenate([speed[:1], speed]),
-        per_pulse,
-    )
+    found = counted(reader.time(rows), values[:, 0], per_pulse, float(reader.samples.clock[0]))
+    reader.notes.extend(found.notes)
+    return found.odometer
 
 
 def _sides(reader: _Reader) -> SideSpeeds | None:
-    if not reader.samples.has(SIDES):
-        return None
-    rows, values = reader.samples.group(SIDES, "a pair of side speeds")
+    samples = reader.samples
+    if not samples.has(SIDES):
+        return _counted_sides(reader) if samples.has(SIDE_PULSES) else None
+    rows, values = samples.group(SIDES, "a pair of side speeds")
     return SideSpeeds(reader.time(rows), values[:, 0], values[:, 1]) if len(rows) > 1 else None
+
+
+def _counted_sides(reader: _Reader) -> SideSpeeds | None:
+    """Both sides' counters as speeds, each differenced over the step that ends at its reading."""
+    per_pulse = _per_pulse(reader, "odo_pulses_left and odo_pulses_right are counters")
+    rows, values = reader.samples.group(SIDE_PULSES, "a pair of side counters")
+    if len(rows) < 2:
+        return None
+    time, clock = reader.time(rows), float(reader.samples.clock[0])
+    speeds = []
+    for name, counts in zip(("left", "right"), values.T, strict=True):
+        found = counted(time, counts, per_pulse, clock)
+        reader.notes.extend(
+            note.replace("the odometer", f"the {name} odometer") for note in found.notes
+        )
+        speeds.append(
+            np.gradient(np.interp(time, found.odometer.time, found.odometer.distance), time)
+        )
+    return SideSpeeds(time, speeds[0], speeds[1])
 
 
 def _gnss(reader: _Reader) -> Gnss | None:

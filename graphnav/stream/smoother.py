@@ -14,7 +14,7 @@ from graphnav.common.run import Array
 from graphnav.graph.nodes import INTERVAL_S, room_of
 from graphnav.graph.preparation import Setup
 from graphnav.inertial.standstill import rocking
-from graphnav.reading.read import FASTEST
+from graphnav.reading.counter import FASTEST
 from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.corrections import Correction
 from graphnav.stream.aiding import Aiding
