@@ -161,6 +161,7 @@ def test_increments_of_a_stream_are_those_of_the_run(prep: Prepared) -> None:
     inertial = Inertial()
     for part in np.array_split(np.arange(1500), [7, 8, 30, 131, 800, 802]):
         inertial.add(imu.time[part], imu.gyro[part], imu.accel[part])
+    inertial.finish()
     n = len(inertial)
     whole, found = increments(imu), inertial.between(0, n)
     assert n >= 1500 // 5 - 1

@@ -96,4 +96,5 @@ class Run:
     heading: ExternalHeading | None
     rover: RoverGear | None
     accelerometer: Accelerometer | None = None  # only where accel columns come without gyro columns
+    logged: Imu | None = None  # the IMU's samples as they came, where `imu` is not just these
     notes: tuple[str, ...] = ()  # what the reading assumed or left out, one line each

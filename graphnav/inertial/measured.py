@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Imu, Odometer, Run
 from graphnav.inertial.encoder import failures, without
 from graphnav.inertial.gaps import Mask, bridged
@@ -11,6 +12,7 @@ from graphnav.inertial.odometry import speed_at
 from graphnav.inertial.sample_clock import SampleClock, sample_clock
 from graphnav.inertial.screening import NAMES, Screened, screened
 
+LONGEST_S = 3600.0  # a longer gap is the clock's, not the IMU's
 RESTS, RESTS_S = 0.02, 0.5  # m/s over s to either side: the wheels stand
 
 
@@ -23,6 +25,7 @@ def measured(run: Run) -> Run:
     if run.imu is None or len(run.imu.time) < 2:
         return run
     imu = run.imu
+    _check_clock(run, imu)
     clock = sample_clock(imu.time)
     found = screened(imu, clock.step, _resting(run, imu.time))
     seen = np.ones((len(imu.time), 2), bool)
@@ -34,7 +37,19 @@ def measured(run: Run) -> Run:
     notes += failed
     if not notes:
         return run
-    return replace(run, imu=imu, odometer=odometer, notes=(*run.notes, *notes))
+    return replace(run, imu=imu, logged=run.imu, odometer=odometer, notes=(*run.notes, *notes))
+
+
+def _check_clock(run: Run, imu: Imu) -> None:
+    """InputError where the clock jumps by more than can be bridged."""
+    gone = np.diff(imu.time)
+    worst = int(gone.argmax())
+    if gone[worst] > LONGEST_S:
+        raise InputError(
+            f"{run.path}: the clock jumps by {gone[worst]:.6g} s after "
+            f"{_at(run, imu.time[worst])}: no IMU is silent for so long; cut the file there, or "
+            "mend its time column"
+        )
 
 
 def _odometer(run: Run, imu: Imu) -> tuple[Odometer | None, list[str]]:

@@ -45,15 +45,18 @@ class SampleClock:
         return np.concatenate([[np.median(gone)], gone])
 
 
-def sample_clock(stamp: Array) -> SampleClock:
-    """The clock behind the stamps (N,) s of an IMU's samples, which must not decrease."""
+def sample_clock(stamp: Array, step: float | None = None) -> SampleClock:
+    """The clock behind the stamps (N,) s of an IMU's samples, which must not decrease.
+
+    `step` s where it is known already.
+    """
     gone = np.diff(stamp)
     usual = float(np.median(gone))
     ones, none = np.ones(len(stamp), np.int64), np.zeros(len(stamp))
     if np.abs(gone - usual).max() < 0.5 * EVEN * usual:
         return SampleClock(stamp, ones, usual, True, none)
     if len(stamp) >= FEWEST:
-        step = _step(stamp)
+        step = step or _step(stamp)
         for _ in range(2):  # the second time with the step the first count tells
             number = _numbers(stamp, step)
             step = step + _slope(stamp - step * number, number)

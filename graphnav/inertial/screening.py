@@ -17,6 +17,7 @@ ABSURD = (100.0, 5000.0)  # rad/s, m/s^2: beyond any gyro and any accelerometer 
 FEW = 0.01  # of the samples: a larger share is another unit or another sensor, not a fault
 BLOCK = 64  # samples whose median step tells how much the signal moves from one to the next
 STEP = 8.0  # median steps: a larger one is looked at
+WAITED = 4  # samples after it, where they are yet to come
 CONTEXT = 12  # samples to either side that a suspect is compared with
 LONGEST, LONGEST_S = 5, 0.05  # samples and s of a spike
 STANDS_OUT = 3.0  # over the largest second difference of its context, about 15 sigma
@@ -41,14 +42,15 @@ class Screened:
     mask: Mask  # (N,)
 
 
-def screened(imu: Imu, step: float, resting: Mask) -> list[Screened]:
+def screened(imu: Imu, step: float, resting: Mask, causal: bool = False) -> list[Screened]:
     """What the samples of an IMU hold that is no measurement; `step` s between samples.
 
     `resting` (N,) where the vehicle is heard to stand: there a quiet sensor may repeat itself.
+    `causal`: few samples after a spike are waited for.
     """
     absurd = [_absurd(x, most) for x, most in zip((imu.gyro, imu.accel), ABSURD, strict=True)]
     sound = [_carried(x, bad) for x, bad in zip((imu.gyro, imu.accel), absurd, strict=True)]
-    spikes = _spikes(np.concatenate(sound, axis=1), step)
+    spikes = _spikes(np.concatenate(sound, axis=1), step, WAITED if causal else CONTEXT)
     found: list[Screened] = []
     for sensor in (0, 1):
         own = spikes[:, 3 * sensor : 3 * sensor + 3].any(axis=1) & ~absurd[sensor]
@@ -76,10 +78,11 @@ def _carried(values: Array, bad: Mask) -> Array:
     return values[good]
 
 
-def _spikes(x: Array, step: float) -> Mask:
+def _spikes(x: Array, step: float, later: int) -> Mask:
     """Which samples of six channels (N, 6) leave the level of their neighbours and come back to it.
 
-    A jolt of the vehicle leaves another level or roughness in one of the channels, a spike none.
+    `later` samples after it are looked at. A jolt of the vehicle leaves another level or roughness
+    in one of the channels, a spike none.
     """
     out = np.zeros(x.shape, bool)
     if len(x) < 4 * CONTEXT:
@@ -95,7 +98,7 @@ def _spikes(x: Array, step: float) -> Mask:
         first = first[(first >= 0) & (first + length <= len(x))]
         before = y[first[:, None] + pad + np.arange(-CONTEXT, 0)]
         inside = y[first[:, None] + pad + np.arange(length)]
-        after = y[first[:, None] + pad + length + np.arange(CONTEXT)]
+        after = y[first[:, None] + pad + length + np.arange(later)]
         a, b = before[:, -2:].mean(axis=1), after[:, :2].mean(axis=1)
         share = ((np.arange(length) + 1) / (length + 1))[:, None]
         away = np.abs(inside - a[:, None] - (b - a)[:, None] * share).min(axis=1)
@@ -125,6 +128,8 @@ def _scatter(x: Array) -> Array:
 
 def _usual(moved: Array, quantum: float) -> Array:
     """How much a signal usually moves from sample to sample, about each step (N,)."""
+    if len(moved) < BLOCK:
+        return np.full(len(moved), float(np.median(moved)) + quantum)
     whole = len(moved) // BLOCK * BLOCK
     local = np.median(moved[:whole].reshape(-1, BLOCK), axis=1)
     local = np.maximum(local, np.median(local)) + quantum

@@ -104,7 +104,7 @@ def _width(counts: Array) -> float | None:
         like = np.abs(folded[wraps] - usual) <= 2 * spread + 0.02 * width
         nearer = np.abs(folded[wraps] - usual) < HALF * np.abs(step[wraps] - usual)
         if (like & nearer).mean() >= NEARLY_ALL:
-            return width
+            return float(width)
     return None
 
 

@@ -1,8 +1,8 @@
 """Sensors arriving piece by piece: increments, standstill and where the next node belongs.
 
-Causal but for `LOOK_AHEAD_S`: what is said of time t rests on samples up to t + 0.5 s, which the
-standstill window, the odometer's interpolation and the coning terms need. The result does not
-depend on the sizes of the pieces.
+Causal but for `LOOK_AHEAD_S`: what is said of time t rests on what is known up to t + 0.5 s, which
+the standstill window and the odometer's interpolation need, and on the IMU's samples of 0.4 s more,
+which tell a measurement from a fault. The result does not depend on the sizes of the pieces.
 """
 
 from collections.abc import Sequence
@@ -12,19 +12,17 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import ArrayLike
 
-from factors.preintegration import Increments
 from graphnav.common.errors import InputError
 from graphnav.common.growing_array import GrowingArray
-from graphnav.common.run import Array, Imu, Odometer, SideSpeeds
+from graphnav.common.run import Array, Odometer, SideSpeeds
 from graphnav.graph.nodes import REST_INTERVAL_S, room_of
-from graphnav.inertial.increments import GRID_S, NEIGHBOURS, increments
 from graphnav.inertial.standstill import QUIET_FORCE, QUIET_RATE, SHORTEST_S, Mask, quietness, spans
+from graphnav.stream.inertial_intake import Inertial
 
 LOOK_AHEAD_S = 0.5
 FRAME = 20  # increments after which the usual quietness is measured anew
 REMEMBERED = 1200  # increments of standstill it is the median of
 MARGIN_S, MARGIN_SAMPLES = 1.0, 3  # of the odometer before an interval
-FEWEST = 10  # samples that tell the sampling interval
 
 
 def sound(sensor: str, time: ArrayLike, values: Sequence[ArrayLike | None]) -> list[Array]:
@@ -41,62 +39,6 @@ def sound(sensor: str, time: ArrayLike, values: Sequence[ArrayLike | None]) -> l
             raise InputError(f"{sensor}: values of shape {x.shape} for {len(t)} times")
         keep &= np.isfinite(x.reshape(len(t), -1)).all(axis=1)
     return [x[keep] for x in (t, *columns)]
-
-
-class Inertial:
-    """Raw samples to increments, the same as `increments` makes of the whole run."""
-
-    def __init__(self, grid_s: float = GRID_S) -> None:
-        self._grid_s = grid_s
-        self._size = 0  # samples in an increment, once known
-        self._samples = GrowingArray(7)  # time, gyro, accel
-        self.edge, self._inc = (
-            GrowingArray(),
-            GrowingArray(12),
-        )  # rotation, velocity, position, jump, doubt
-
-    def __len__(self) -> int:
-        return len(self._inc)
-
-    @property
-    def last(self) -> float:
-        """Time of the newest sample, s."""
-        return float(self._samples.rows[-1, 0])
-
-    def add(self, time: Array, gyro: Array, accel: Array) -> None:
-        """Samples (n,), (n, 3), (n, 3)."""
-        self._samples.append(np.column_stack([time, gyro, accel]))
-        if len(self._samples) >= FEWEST:
-            self._compound()
-
-    def _compound(self) -> None:
-        samples = self._samples.rows
-        if self._size == 0:
-            usual = float(np.median(np.diff(samples[:FEWEST, 0])))
-            self._size = max(1, round(self._grid_s / usual))
-            self.edge.push(samples[0, 0] - usual)
-        size, done = self._size, len(self)
-        whole = (len(samples) - NEIGHBOURS) // size
-        if whole <= done:
-            return
-        context = min(done, -(-NEIGHBOURS // size))
-        first = (done - context) * size
-        part = samples[first : whole * size + NEIGHBOURS]
-        before = samples[first - 1, 0] if first else self.edge.rows[0]
-        dt = np.diff(part[:, 0], prepend=before)
-        imu = Imu(part[:, 0], dt, part[:, 1:4], part[:, 4:7])
-        inc = increments(imu, size * float(np.median(dt)))
-        new = slice(context, context + whole - done)
-        self.edge.append(inc.edge[1:][new])
-        assert inc.doubt is not None
-        columns = (inc.rotation, inc.velocity, inc.position, inc.jump[:, None], inc.doubt)
-        self._inc.append(np.concatenate([x[new] for x in columns], axis=1))
-
-    def between(self, first: int, end: int) -> Increments:
-        """Increments `first` to `end - 1`."""
-        x = self._inc.rows[first:end]
-        edge = self.edge.rows[first : end + 1]
-        return Increments(edge, x[:, 0:3], x[:, 3:6], x[:, 6:9], x[:, 9], x[:, 10:12])
 
 
 class Distance:

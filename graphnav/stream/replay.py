@@ -110,7 +110,8 @@ def _give(stream: Smoother, run: Run, late: float, start: float, end: float) -> 
     def inside(time: Array) -> slice:
         return slice(*np.searchsorted(time, [start, end], side="right").tolist())
 
-    odometer, gnss, heading, imu = run.odometer, run.gnss, run.heading, run.imu
+    odometer, gnss, heading = run.odometer, run.gnss, run.heading
+    imu = run.logged or run.imu  # the stream judges the samples itself
     if odometer is not None:
         on = inside(odometer.time)
         if odometer.pulse:

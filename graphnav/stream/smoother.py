@@ -163,6 +163,7 @@ class Smoother:
 
         Raises InputError when the heading never became known.
         """
+        self._heard.inertial.finish()
         if len(self._heard.inertial):
             self._advance(len(self._heard.inertial), perf_counter(), last=True)
         if self.graph is None:
