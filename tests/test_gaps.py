@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from graphnav.common.run import Array, Imu
-from graphnav.inertial.gaps import bridged
+from graphnav.inertial.gaps import BEGINS_S, bridged
 from graphnav.inertial.sample_clock import sample_clock
 
 STEP = 0.01
@@ -44,7 +44,9 @@ def test_the_doubt_is_what_the_bridge_misses(length: int) -> None:
                 sigma = np.sqrt((found.doubt[lost, k] ** 2).sum())
                 assert sigma > 0
                 ratio.append(np.abs(error).max() / sigma)
-    assert 0.3 < np.sqrt(np.mean(np.square(ratio))) < 2
+    rms = float(np.sqrt(np.mean(np.square(ratio))))
+    assert rms < 2
+    assert rms > 0.3 or length * STEP > BEGINS_S  # a manoeuvre may begin and end in a long one
     assert max(ratio) < 6
 
 

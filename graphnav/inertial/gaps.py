@@ -25,6 +25,9 @@ JOLT = 30.0  # times the usual: what a vehicle does once in a run teaches no bri
 RIDGE = 1e-13  # of the neighbours' power: well below any sensor's noise
 PASSES = 4  # over gaps that have gaps for neighbours
 COARSE = 16  # stretches tried in the length of a long gap
+# rad/s, m/s^2 and s: turns and brakes that may begin and end unseen, once there is time for them
+BEGUN, BEGINS_S = (0.1, 0.7), 0.5
+UNKNOWN = 1e3  # rad/s or m/s^2 times samples: what a gap hides where nothing else was seen
 FAR = 0.25  # of the run: longer stretches are not tried, their doubt grows as of a random walk
 
 
@@ -45,7 +48,7 @@ def bridged(imu: Imu, clock: SampleClock, seen: Mask) -> Imu:
         known[at] = seen[:, column]
         filled = np.zeros((count, 3))
         filled[at] = raw
-        doubts.append(_bridge(filled, known, clock.step))
+        doubts.append(_bridge(filled, known, clock.step, BEGUN[column]))
         values.append(filled)
     return Imu(time, dt, values[0], values[1], np.stack(doubts, -1))
 
@@ -56,8 +59,11 @@ def stretches(mask: Mask) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     return np.flatnonzero(change == 1), np.flatnonzero(change == -1)
 
 
-def _bridge(x: Array, known: Mask, step: float) -> Array:
-    """Fill `x` (N, 3) where not known; what the integral of each filled sample may miss (N,)."""
+def _bridge(x: Array, known: Mask, step: float, least: float) -> Array:
+    """Fill `x` (N, 3) where not known; what the integral of each filled sample may miss (N,).
+
+    `least`: one sigma of what a driver may begin in a long gap.
+    """
     doubt = np.zeros(len(x))
     first, end = stretches(~known)
     if not len(first) or not known.any():
@@ -66,16 +72,19 @@ def _bridge(x: Array, known: Mask, step: float) -> Array:
     x[~known] = usual
     for a, b in zip(first, end, strict=True):
         _lay(x, known, int(a), int(b), step, usual)
-    lengths = end - first
-    for length in np.unique(lengths).tolist():
-        on = lengths == length
-        a, missed = _interpolated(x, known, length) if length <= SHORT else (None, None)
-        if a is None or missed is None:
-            a, missed = _tried(x, length, step, usual)
-        whole = _whole(known, a, length)
-        reach = max(AROUND_S / step, AROUND, AROUND_GAPS * length)
-        lost = _near(a[whole], missed[whole], first[on], reach)
-        share = step * lost / np.sqrt(max(1, min(length, int(FAR * len(x)))))
+    lengths, ends = end - first, end == len(x)
+    for length, last in sorted({*zip(lengths.tolist(), ends.tolist(), strict=True)}):
+        on = (lengths == length) & (ends == last)
+        tried, missed = None, None
+        if length <= SHORT and not last:
+            tried, missed = _interpolated(x, known, length)
+        if tried is None or missed is None:
+            tried, missed = _tried(x, length, step, usual, last)
+        over = min(length, _longest(x))
+        whole = _whole(known, tried, over)
+        reach = max(AROUND_S / step, AROUND, AROUND_GAPS * length) if not last else len(x)
+        lost = _near(tried[whole], missed[whole], first[on], reach) / np.sqrt(over)
+        share = step * np.maximum(lost, _driven(length, step, least))
         for start, one in zip(first[on], share, strict=True):
             doubt[start : start + length] = one
     return doubt
@@ -154,16 +163,34 @@ def _weights(beside: Array, inside: Array) -> Array:
     return np.asarray(weights)
 
 
-def _tried(x: Array, length: int, step: float, usual: Array) -> tuple[Steps, Array]:
-    """Where a long bridge was tried (n,) and the largest of what three sums missed there (n,)."""
+def _tried(
+    x: Array, length: int, step: float, usual: Array, one_sided: bool
+) -> tuple[Steps, Array]:
+    """Where a long bridge was tried (n,) and the largest of what three sums missed there (n,).
+
+    `one_sided`: nothing has been seen after it yet.
+    """
     count = len(x)
-    tried = max(1, min(length, int(FAR * count)))
+    tried = min(length, _longest(x))
     width = _ends(tried, step)
     a = np.arange(width, count - tried - width + 1, max(1, tried // COARSE))
     total = np.concatenate([np.zeros((1, 3)), np.cumsum(x - usual, axis=0)])
-    ends = (total[a] - total[a - width] + total[a + tried + width] - total[a + tried]) / width
+    ends = (total[a] - total[a - width]) / width
+    if not one_sided:
+        ends += (total[a + tried + width] - total[a + tried]) / width
     wrong = total[a + tried] - total[a] - float(_shares(tried, width, step).sum()) * ends
     return a, np.asarray(np.abs(wrong).max(axis=1))
+
+
+def _longest(x: Array) -> int:
+    """Samples of the longest bridge that is tried."""
+    return max(1, int(FAR * len(x)))
+
+
+def _driven(length: int, step: float, least: float) -> float:
+    """What a manoeuvre may add in a gap, per root of its samples: a random walk once begun."""
+    begun = max(length * step - BEGINS_S, 0.0)
+    return least * float(np.sqrt(FADES_S * begun / length)) / step
 
 
 def _whole(known: Mask, a: Steps, length: int) -> Mask:
@@ -177,7 +204,7 @@ def _whole(known: Mask, a: Steps, length: int) -> Mask:
 def _near(a: Steps, missed: Array, at: Steps, reach: float) -> Array:
     """Root mean square of `missed` (n,), found at `a`, within `reach` samples of `at` (k,)."""
     if not len(a):
-        return np.full(len(at), np.inf)
+        return np.full(len(at), UNKNOWN)
     sums = np.concatenate([[0.0], np.cumsum(missed**2)])
     low, high = np.searchsorted(a, at - reach), np.searchsorted(a, at + reach, side="right")
     found = high - low

@@ -26,7 +26,7 @@ RETURNS = 3.0  # largest steps of its context: a level that changed by more is a
 REPEATS, REPEATS_S = 5, 0.05  # samples and s that a stuck stretch lasts at least
 CHANCE = 1e-4  # of such a stretch anywhere in the run
 COARSE = 0.2  # of the samples repeat the one before: a sensor that does so is never stuck
-OWN_SHARE = 0.5  # of the run: a value held for longer is an axis that was not recorded
+OWN_SHARE = 0.5  # of the run: a value held since its start for longer was not recorded
 CEILING = 3  # samples at exactly the largest value
 PILED = 5.0  # times as many as at the values just below it
 TINY = 1e-12  # of a channel that never moves
@@ -89,8 +89,9 @@ def _spikes(x: Array, step: float, later: int) -> Mask:
         return out
     moved = np.abs(np.diff(x, axis=0))
     quantum = np.array([_quantum(m) for m in moved.T])
-    limit = np.stack([_usual(m, q) for m, q in zip(moved.T, quantum, strict=True)], -1)
-    suspects = np.flatnonzero((moved > STEP * limit).any(axis=1))
+    suspects = np.flatnonzero((moved > STEP * _usual(moved, quantum)).any(axis=1))
+    if not len(suspects):
+        return out
     pad = CONTEXT + LONGEST + 1
     y = np.pad(x, ((pad, pad), (0, 0)), mode="reflect")
     for length in range(1, max(1, min(LONGEST, int(LONGEST_S / step))) + 1):
@@ -126,14 +127,14 @@ def _scatter(x: Array) -> Array:
     return np.asarray(np.sqrt((np.diff(x, 2, axis=1) ** 2).mean(axis=1)))
 
 
-def _usual(moved: Array, quantum: float) -> Array:
-    """How much a signal usually moves from sample to sample, about each step (N,)."""
-    if len(moved) < BLOCK:
-        return np.full(len(moved), float(np.median(moved)) + quantum)
-    whole = len(moved) // BLOCK * BLOCK
-    local = np.median(moved[:whole].reshape(-1, BLOCK), axis=1)
-    local = np.maximum(local, np.median(local)) + quantum
-    return np.append(np.repeat(local, BLOCK), np.full(len(moved) - whole, local[-1]))
+def _usual(moved: Array, quantum: Array) -> Array:
+    """How much six channels (N, 6) usually move from sample to sample, about each step."""
+    size = min(BLOCK, len(moved))
+    whole = len(moved) // size * size
+    local = np.median(moved[:whole].reshape(-1, size, moved.shape[1]), axis=1)
+    local = np.maximum(local, np.median(local, axis=0)) + quantum
+    block = np.minimum(np.arange(len(moved)) // size, len(local) - 1)
+    return np.asarray(local[block])
 
 
 def _quantum(moved: Array) -> float:
@@ -148,20 +149,19 @@ def _stuck(values: Array, step: float, resting: Mask) -> Mask:
     same = np.diff(values, axis=0) == 0
     out = np.zeros(len(values), bool)
     for repeated in (same.all(axis=1), *same.T):
+        if repeated.sum() < REPEATS:
+            continue
         first, end = stretches(repeated)
         length = end - first
         long = length >= max(REPEATS, round(REPEATS_S / step))
         usual = (len(repeated) - length[long].sum() + 1) or 1
         by_chance = (repeated.sum() - length[long].sum() + 1) / usual
-        for a, b in zip(first[long], end[long], strict=True):
+        if by_chance >= COARSE:
+            continue
+        for a, b in zip(first[long].tolist(), end[long].tolist(), strict=True):
             likely = len(values) * by_chance ** (b - a)
-            rests = resting[a : b + 1].mean() > 0.5
-            if (
-                by_chance < COARSE
-                and likely < CHANCE
-                and not rests
-                and b - a < OWN_SHARE * len(values)
-            ):
+            never = a == 0 and b > OWN_SHARE * len(values)  # not recorded, from the beginning
+            if likely < CHANCE and not never and resting[a : b + 1].mean() <= 0.5:
                 out[a + 1 : b + 1] = True
     return out
 
@@ -173,9 +173,9 @@ def _clipped(values: Array) -> Mask:
         for side in (x, -x):
             top = float(side.max())
             at = side == top
-            reach = top - float(np.median(side))
-            if at.sum() < CEILING or at.mean() > FEW**0.5 or reach <= 0:
+            if at.sum() < CEILING or at.mean() > FEW**0.5:
                 continue
+            reach = top - float(np.median(side))
             below = np.unique(side[(side < top) & (side > top - 0.2 * reach)], return_counts=True)[
                 1
             ]

@@ -21,6 +21,7 @@ FEWEST = 10  # samples that tell the sampling interval
 FRAME_S, AHEAD_S = 0.2, 0.2  # judged at a time, and seen after it
 LEAST_AHEAD = 4  # samples
 BEHIND = 512  # samples before a frame that it is compared with
+LOST_S, REMEMBERED_S = 0.1, 120.0  # a longer loss asks more of the past
 PULLED = 0.02  # of what the clock is found off, taken back with every sample
 
 
@@ -75,7 +76,7 @@ class Inertial:
     def _frame(self, end: int, seen_until: int) -> None:
         """Judge the samples until `end`, with those until `seen_until` known."""
         done = self._judged
-        first = max(done - BEHIND, 0)
+        first = self._behind()
         part = self._raw.rows[first:seen_until]
         stamp = part[:, 0]
         if (jump := float(np.diff(stamp).max(initial=0.0))) > LONGEST_S:
@@ -91,6 +92,23 @@ class Inertial:
         self._keep(filled, clock, done - first, end - first)
         self._raw.rows[done:end, 7:9] = known[done - first : end - first]
         self._judged = end
+
+    def _behind(self) -> int:
+        """The first sample of a window with enough measured samples before the next frame.
+
+        Usually `BEHIND`; after a longer loss `REMEMBERED_S`, in which the vehicle has shown more of
+        what it may have done meanwhile.
+        """
+        done = self._judged
+        lately = self._raw.rows[max(done - BEHIND, 0) : done]
+        lost = not lately[:, 7:9].all() or np.diff(lately[:, 0]).max(initial=0) > LOST_S
+        needed = max(BEHIND, round(REMEMBERED_S / self._usual)) if lost else BEHIND
+        for back in (needed, 4 * needed, done):
+            first = max(done - back, 0)
+            measured = np.flatnonzero(self._raw.rows[first:done, 7:9].all(axis=1))
+            if len(measured) >= needed or first == 0:
+                break
+        return first + int(measured[-needed]) if len(measured) > needed else first
 
     def _keep(self, filled: Imu, clock: SampleClock, first: int, end: int) -> None:
         """Append the steps that end with samples `first` to `end - 1` of a window."""
