@@ -37,7 +37,8 @@ def _wrong(drive: Drive, count: int, size: float) -> None:
     column, rows = _heard(drive)
     unit = drive.per_pulse if column == "odo_pulses" else 0.1
     at = drive.rng.choice(rows[100:-100], count, replace=False)
-    drive.table.loc[at, column] += size / unit * drive.rng.choice([-1, 1], count)
+    drive.table[column] = drive.table[column].astype(float)
+    drive.table.loc[at, column] += np.round(size / unit) * drive.rng.choice([-1, 1], count)
 
 
 for count, size in ((1, 5.0), (10, 50.0), (1, 1e6)):
@@ -73,6 +74,7 @@ def jumping(drive: Drive) -> None:
     if column == "odo_speed":
         drive.table.loc[on, column] = drive.rng.uniform(-30, 60, len(on))
     else:
+        drive.table[column] = drive.table[column].astype(float)
         drive.table.loc[on, column] += np.round(drive.rng.normal(0, 10 / drive.per_pulse, len(on)))
 
 
