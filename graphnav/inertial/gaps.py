@@ -23,6 +23,7 @@ SHORT, BESIDE = 8, 6  # samples of a short gap, and of its neighbours to either 
 LEARNT = 10_000  # stretches a short gap's bridge is learnt from, at most
 JOLT = 30.0  # times the usual: what a vehicle does once in a run teaches no bridge
 RIDGE = 1e-13  # of the neighbours' power: well below any sensor's noise
+CROWDED = 4.0  # times the doubt of a gap that has other gaps beside it
 PASSES = 4  # over gaps that have gaps for neighbours
 COARSE = 16  # stretches tried in the length of a long gap
 # rad/s, m/s^2 and s: turns and brakes that may begin and end unseen, once there is time for them
@@ -85,6 +86,7 @@ def _bridge(x: Array, known: Mask, step: float, least: float) -> Array:
         reach = max(AROUND_S / step, AROUND, AROUND_GAPS * length) if not last else len(x)
         lost = _near(tried[whole], missed[whole], first[on], reach) / np.sqrt(over)
         share = step * np.maximum(lost, _driven(length, step, least))
+        share = share * np.where(_alone(known, first[on], length), 1.0, CROWDED)
         for start, one in zip(first[on], share, strict=True):
             doubt[start : start + length] = one
     return doubt
@@ -121,7 +123,10 @@ def _interpolated(x: Array, known: Mask, length: int) -> tuple[Steps | None, Arr
         wrong = seen[a[:, None] + np.arange(length)] - seen[a[:, None] + beside] @ weights
         missed = np.maximum(missed, np.abs(wrong.sum(axis=1)))
         for _ in range(PASSES):  # a neighbour may be a bridge itself
-            seen[gaps[:, None] + np.arange(length)] = seen[gaps[:, None] + beside] @ weights
+            around = seen[gaps[:, None] + beside]
+            low, high = around.min(axis=1)[:, None], around.max(axis=1)[:, None]
+            laid = np.clip(around @ weights, 2 * low - high, 2 * high - low)
+            seen[gaps[:, None] + np.arange(length)] = laid
         x[gaps[:, None] + np.arange(length), k] = level + seen[gaps[:, None] + np.arange(length)]
     return a, np.minimum(missed, JOLT * np.median(missed))
 
@@ -199,6 +204,13 @@ def _whole(known: Mask, a: Steps, length: int) -> Mask:
     low = np.maximum(a - BESIDE, 0)
     high = np.minimum(a + length + BESIDE, len(known))
     return np.asarray(dark[high] == dark[low])
+
+
+def _alone(known: Mask, first: Steps, length: int) -> Mask:
+    """Whether gaps from `first` (n,) have nothing but what was seen beside them, (n,)."""
+    dark = np.concatenate([[0], np.cumsum(~known)])
+    high = np.minimum(first + length + BESIDE, len(known))
+    return np.asarray(dark[high] - dark[np.maximum(first - BESIDE, 0)] == length)
 
 
 def _near(a: Steps, missed: Array, at: Steps, reach: float) -> Array:
