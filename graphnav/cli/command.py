@@ -15,6 +15,10 @@ from graphnav.common.errors import GraphnavError
 
 INTERRUPTED = 130
 NOTHING_WRITTEN = "interrupted; no result was written"
+UNDETERMINED = (
+    "the sensors leave the solution undetermined: their stated noise, or what they hold, is far "
+    "out of proportion; check units and figures in the vehicle file (graphnav check tells more)"
+)
 OUT_OF_MEMORY = (
     "out of memory; no result was written: smooth the run in parts, or lower --nodes or --rate"
 )
@@ -110,6 +114,8 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
         if debug:
             raise
         kind = type(error).__name__
+        if kind == "LinAlgError" or "ndeterminate linear system" in str(error):
+            return _say(UNDETERMINED, 1)
         return _say(f"unexpected {kind}: {error} (GRAPHNAV_DEBUG=1 shows where)", 1)
     return 0
 

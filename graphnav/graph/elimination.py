@@ -97,13 +97,24 @@ def eliminate(graph: gtsam.GaussianFactorGraph, order: EliminationOrder) -> gtsa
     try:
         return graph.eliminateSequential(order.ordering, gtsam.EliminateQR)
     except RuntimeError as error:
-        named = re.search(r"Symbol: ([xc])(\d+)", str(error))
-        raise Undetermined(named[1] if named else "?", int(named[2]) if named else -1) from error
+        raise _undetermined(error) from error
+
+
+def _undetermined(error: RuntimeError) -> Undetermined:
+    named = re.search(r"Symbol: ([xc])(\d+)", str(error))
+    return Undetermined(named[1] if named else "?", int(named[2]) if named else -1)
 
 
 def step(bayes_net: gtsam.GaussianBayesNet, order: EliminationOrder) -> tuple[Array, Array]:
-    """Error states of all nodes (N, 10) and segments (K, dim) that minimise the linear system."""
-    flat = bayes_net.optimize().vector()  # in the order of the keys: 'c' before 'x'
+    """Error states of all nodes (N, 10) and segments (K, dim) that minimise the linear system.
+
+    Raises Undetermined where the system is singular to working precision.
+    """
+    try:
+        solved = bayes_net.optimize()
+    except RuntimeError as error:
+        raise _undetermined(error) from error
+    flat = solved.vector()  # in the order of the keys: 'c' before 'x'
     split = order.segments * order.calibration_dim
     return flat[split:].reshape(-1, NODE_DIM), flat[:split].reshape(order.segments, -1)
 

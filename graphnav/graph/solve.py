@@ -133,7 +133,10 @@ def _quick(
     bayes_net = quickly(graph, order)
     if bayes_net is None:
         return None
-    delta = step(bayes_net, order)
+    try:
+        delta = step(bayes_net, order)
+    except Undetermined:
+        return None
     taken = here.moved(delta)
     return _Attempt(_length(weighted, delta), taken, bayes_net) if taken else None
 
@@ -142,8 +145,7 @@ def _exact(
     here: _Here, graph: gtsam.GaussianFactorGraph, weighted: list[Block], order: EliminationOrder
 ) -> _Attempt:
     """The step by QR, or a half, quarter ... of it while the cost would grow."""
-    bayes_net = _eliminated(graph, weighted, order)
-    delta = step(bayes_net, order)
+    bayes_net, delta = _solved(graph, weighted, order)
     length = _length(weighted, delta)
     for halving in range(6):
         part = (0.5**halving * delta[0], 0.5**halving * delta[1])
@@ -154,12 +156,13 @@ def _exact(
     return _Attempt(length, (trial, here.linearise(trial)), bayes_net)
 
 
-def _eliminated(
+def _solved(
     graph: gtsam.GaussianFactorGraph, weighted: list[Block], order: EliminationOrder
-) -> gtsam.GaussianBayesNet:
-    """By QR; SolutionError tells when what is not determined acts."""
+) -> tuple[gtsam.GaussianBayesNet, Step]:
+    """By QR, and the full step; SolutionError tells when what is not determined acts."""
     try:
-        return eliminate(graph, order)
+        bayes_net = eliminate(graph, order)
+        return bayes_net, step(bayes_net, order)
     except Undetermined as error:
         when = moment(weighted, error.family, error.index)
         where = "" if when is None else f" near {when:.1f} s of the run"
