@@ -37,12 +37,15 @@ CONSTANT = 1e-6  # of its prior sd: how far a constant may wander in one second
 
 @dataclass(frozen=True)
 class Component:
-    """One calibrated quantity; `walk` is None for a constant."""
+    """One calibrated quantity: a constant, a random walk (`walk`), or with `memory` an error that
+    comes and goes about its prior, correlated over that time.
+    """
 
     name: str
     prior: Array  # (d,)
     sd: Array  # (d,) one sigma of the prior
     walk: float | None = None  # per sqrt(s), in the component's unit
+    memory: float | None = None  # s, of a first-order Gauss-Markov process
 
 
 @dataclass(frozen=True)
@@ -78,13 +81,19 @@ class Layout:
 
     @cached_property
     def walk(self) -> Array:
-        """(dim,) random-walk density per sqrt(s)."""
-        return np.concatenate(
-            [
-                CONSTANT * c.sd if c.walk is None else np.full(len(c.prior), c.walk)
-                for c in self.components
-            ]
-        )
+        """(dim,) random-walk density per sqrt(s); of a process with memory over short times."""
+
+        def density(c: Component) -> Array:
+            if c.memory is not None:
+                return np.asarray(c.sd * np.sqrt(2 / c.memory))
+            return CONSTANT * c.sd if c.walk is None else np.full(len(c.prior), c.walk)
+
+        return np.concatenate([density(c) for c in self.components])
+
+    @cached_property
+    def memory(self) -> Array:
+        """(dim,) s; infinite for constants and random walks."""
+        return np.concatenate([np.full(len(c.prior), c.memory or np.inf) for c in self.components])
 
     @cached_property
     def bias(self) -> slice:
@@ -115,7 +124,9 @@ def prior(layout: Layout, calibration: Array) -> Block:
 
 
 def walk(layout: Layout, calibration: Array, time: Array, heavy: tuple[str, ...]) -> list[Block]:
-    """Random walk between segments (B6): `(c_{k+1} - c_k) / (walk sqrt(dt))`.
+    """Random walk between segments (B6): `(c_{k+1} - c_k) / (walk sqrt(dt))`; with memory tau
+    `(c_{k+1} - m - phi (c_k - m)) / (sd sqrt(1 - phi^2))`, phi = exp(-dt / tau), m the prior
+    (Source: Gelb 1974, Applied Optimal Estimation, 3.6).
 
     `calibration` (K, dim), `time` (K,) s, the middles of the segments. The components named in
     `heavy` form a block of their own that is marked robust: a heavy-tailed step lets a puncture be
@@ -134,14 +145,18 @@ def _walk(
     kind: str, layout: Layout, calibration: Array, time: Array, rows: Index, robust: bool
 ) -> Block:
     """Walk of some components (r,) as one block."""
-    inverse = 1 / (layout.walk[rows] * np.sqrt(np.diff(time))[:, None])  # (K - 1, r)
+    dt = np.diff(time)[:, None]
+    phi = np.exp(-dt / layout.memory[rows])  # (K - 1, r)
+    forgotten = layout.prior_sd[rows] * np.sqrt(1 - phi * phi)
+    inverse = 1 / np.where(phi < 1, forgotten, layout.walk[rows] * np.sqrt(dt))
     select = np.eye(layout.dim)[rows][None] * inverse[:, :, None]
+    away = calibration[:, rows] - layout.prior[rows]
     index: Index = np.arange(len(calibration) - 1)
     return Block(
         kind=kind,
         axes=tuple(str(k) for k in rows),
         time=time[1:],
-        residual=np.diff(calibration[:, rows], axis=0) * inverse,
-        terms=(Term("c", index, -select), Term("c", index + 1, select)),
+        residual=(away[1:] - phi * away[:-1]) * inverse,
+        terms=(Term("c", index, -select * phi[:, :, None]), Term("c", index + 1, select)),
         robust=robust,
     )

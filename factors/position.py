@@ -11,8 +11,8 @@ and by what the accelerometers felt of unsteady force in between:
 
 Steady force, gravity and a bias drop out of `m_b`. `v_a` is the antenna's velocity, by which a fix
 slides along the path when the receiver's delay `d` moves from the `d_0` it was carried with. Lever
-arm `l`, delay `d` and the errors `o_n` that fixes have in common are calibrations: what the run
-cannot tell of them stays in the covariance.
+arm `l`, delay `d` and the errors `o_n` that neighbouring fixes have in common are calibrations:
+what the run cannot tell of them stays in the covariance.
 """
 
 from dataclasses import dataclass

@@ -4,10 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from factors.block import POSITION
 from factors.estimate import Estimate
 from graphnav.batch.first_path import first_path
 from graphnav.common.progress import Progress, unheard
 from graphnav.common.run import Array
+from graphnav.graph.common_error import found_common
 from graphnav.graph.densify import Path, densify
 from graphnav.graph.elimination import Covariances, covariances
 from graphnav.graph.kinematics import kinematics
@@ -91,6 +93,9 @@ def smooth_batch(
             stands = disagreement(timeline, again) < SAME_TIMELINE
             timeline = again
         scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
+        scales |= found_common(
+            solution.blocks, prep.setup.layout, estimate, position_variance(found), scales
+        )
     progress("state probabilities")
     if _has_gears(prep):
         timeline = with_probabilities(
@@ -99,6 +104,11 @@ def smooth_batch(
     return Smoothed(
         prep, problem, solution, timeline, found, reckoned, path, scales, iterations, round_
     )
+
+
+def position_variance(found: Covariances) -> Array:
+    """Usual variance of a node's position by axis, (3,) m^2."""
+    return np.asarray(np.median(np.einsum("nii->ni", found.nodes[:, POSITION, POSITION]), axis=0))
 
 
 def _nodes(prep: Prepared, boundaries: Array, interval: float) -> Nodes:

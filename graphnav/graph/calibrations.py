@@ -34,7 +34,7 @@ CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
 REFERENCE = ("straight_high", "moving")
 WIDTH_RATIO, WIDTH_RATIO_SD = 1.5, 0.6  # effective over geometric track width of a skidding vehicle
 SEARCHED_SD_S = 0.3  # of a delay sought before the solve
-COMMON_OFFSET = 0.3  # of a fix's sd: what all fixes of a run have in common
+COMMON_SHARE, COMMON_S = 0.3, 300.0  # of a fix's sd that neighbours share, and for how long
 SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
 
 
@@ -102,10 +102,10 @@ def gnss_components(vehicle: Vehicle, gnss: Gnss | None, delay: float = 0.0) -> 
     if gnss is None:
         return []
     spec = vehicle.gnss
-    common = COMMON_OFFSET * np.median(gnss.sd_enu, 0)
+    usual = np.maximum(np.percentile(gnss.sd_enu, 25, axis=0), 1e-3)  # some may not know
     found = [
         Component(ANTENNA, spec.lever_b, np.full(3, spec.lever_arm_sd)),
-        Component(GNSS_OFFSET, np.zeros(3), common),
+        Component(GNSS_OFFSET, np.zeros(3), COMMON_SHARE * usual, memory=COMMON_S),
     ]
     if spec.time_offset_sd_s > 0:
         searched = delay != (spec.time_offset_s or 0.0)

@@ -15,6 +15,7 @@ from factors.initial_state import initial_state
 from factors.preintegration import Preintegrated, interval_of_increment, preintegrate
 from factors.standstill import StandstillNoise, standstill
 from graphnav.common.earth import Origin
+from graphnav.graph.common_error import common_layout
 from graphnav.graph.elimination import EliminationOrder
 from graphnav.graph.motion import Factor, Round, Scales, States, motion_factors
 from graphnav.graph.nodes import Nodes, nearest_node
@@ -58,7 +59,7 @@ def build(
     state = timeline.state_at(0.5 * (nodes.time[1:] + nodes.time[:-1]))
     factors = [
         _start(prep, nodes),
-        _calibration(prep, nodes),
+        _calibration(common_layout(setup.layout, scales), nodes),
         inertial_factor(setup.alignment.origin, setup.layout, nodes, pre),
         _standstill(prep, nodes, resting),
     ]
@@ -89,8 +90,8 @@ def _start(prep: Prepared, nodes: Nodes) -> Factor:
     return lambda x: [initial_state(known, t, x), heading(bearing, layout, scope, x)]
 
 
-def _calibration(prep: Prepared, nodes: Nodes) -> Factor:
-    layout, time = prep.setup.layout, nodes.segment_time
+def _calibration(layout: Layout, nodes: Nodes) -> Factor:
+    time = nodes.segment_time
     return lambda x: [
         calibration_prior(layout, x.calibration),
         *(walk(layout, x.calibration, time, (SCALE,)) if len(time) > 1 else []),

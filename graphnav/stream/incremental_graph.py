@@ -24,6 +24,7 @@ from graphnav.common.earth import Origin
 from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import Array
 from graphnav.graph.assembly import IntervalRows, stacked
+from graphnav.graph.common_error import ASSUMED
 from graphnav.graph.elimination import covariances
 from graphnav.graph.nodes import room_of
 from graphnav.graph.noise import rescaled
@@ -256,7 +257,7 @@ class IncrementalGraph:
         joints = covariances(net, problem.order).joints
         found = rescaled(self.log.scales, blocks, problem.groups, joints)
         gear = {key: scale for key, scale in found.items() if not key.startswith(kinds.GNSS)}
-        self.log.scales = {key: max(scale, BOLDEST) for key, scale in gear.items()}
+        self.log.scales = ASSUMED | {key: max(scale, BOLDEST) for key, scale in gear.items()}
 
     def _exchange(self, window: Window, rows: IntervalRows) -> None:
         """Put a window's rows, linearised and weighed at its estimate, in the place of the old."""

@@ -9,6 +9,7 @@ from factors.block import Index
 from factors.estimate import Estimate
 from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import ExternalHeading, Run
+from graphnav.graph.common_error import ASSUMED
 from graphnav.graph.nodes import SEGMENT_S, Nodes
 from graphnav.graph.preparation import Prepared, Sensed, Setup, fixes_in
 from graphnav.graph.problem import Problem, build
@@ -31,7 +32,7 @@ class NodeLog:
             GrowingArray(),
         )  # of each interval; of each segment
         self.states: list[str] = []  # of each interval
-        self.scales: dict[str, float] = {}  # noise found so far over noise assumed
+        self.scales: dict[str, float] = dict(ASSUMED)  # noise found so far over noise assumed
         self._headings: list[ExternalHeading | None] = []  # of each node
         self._place(0)
         self.segment_time.push(float(self.time.rows[0]) + 0.5 * SEGMENT_S)
