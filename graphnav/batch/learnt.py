@@ -18,11 +18,12 @@ from factors.calibration import (
     lateral_of,
 )
 from graphnav.batch.smoother import Smoothed
-from graphnav.graph.calibrations import DEG_H, MG
+from graphnav.graph.calibrations import COMMON_SHARE, DEG_H, MG
 from graphnav.result.solved import Calibrated
 
 XYZ = ("x", "y", "z")
 DEG = np.deg2rad(1.0)
+ASTRAY = 3.0  # deviations, of fixes and of what is known of their common error
 LATE_S = 0.05  # of fixes, that is worth telling
 
 
@@ -107,8 +108,23 @@ def verdicts(found: list[Calibrated]) -> list[str]:
             said.append(
                 f"fixes come {abs(late):.2f} +- {sd:.2f} s {'late' if late > 0 else 'early'}"
             )
+        if c.name == "gnss_offset_m":
+            said += _astray(c)
         hidden = [p for p, seen in zip(c.components, c.observable, strict=True) if not seen]
         if hidden and c.name in ("mounting_deg", "lever_arm_m", "forward_factor", "time_offset_s"):
             name = c.name.rsplit("_", 1)[0].replace("_", " ")
             said.append(f"{name} {', '.join(hidden)}: not observable in this run")
     return said
+
+
+def _astray(c: Calibrated) -> list[str]:
+    """Errors of the fixes that are far larger than stated and last for minutes."""
+    usual = c.prior_sd / COMMON_SHARE
+    off = np.where(np.abs(c.value) > ASTRAY * c.sd, np.abs(c.value), 0.0)
+    k, axis = np.unravel_index(int((off / usual).argmax()), off.shape)
+    if off[k, axis] < ASTRAY * usual[axis]:
+        return []
+    return [
+        f"fixes stray together, by up to {off[k, axis]:.1f} m {c.components[axis]} (+- "
+        f"{c.sd[k, axis]:.1f} m): odometer and gyro do not follow them"
+    ]
