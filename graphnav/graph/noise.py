@@ -19,8 +19,9 @@ from graphnav.graph.elimination import Joints
 ENOUGH = 30  # residuals that make a group
 LEAST_REDUNDANCY = 0.05
 SMALLEST, LARGEST = 0.02, 30.0
-# a receiver's own sigma is evidence too: a poor fit must not talk the fixes away
-LIMITS = {kinds.GNSS: (0.3, 3.0)}
+# a receiver's own sigma is evidence too: a poor fit must not talk the fixes away, nor fixes that it
+# has smoothed promise more than it does
+LIMITS = {kinds.GNSS: (1.0, 3.0)}
 # s over which the residuals of a kind may be correlated
 LAGS_S = {kinds.DISPLACEMENT: 20.0, kinds.VELOCITY: 20.0, kinds.TRACK_WIDTH: 20.0, kinds.GNSS: 60.0}
 
