@@ -58,4 +58,4 @@ def test_a_drag_is_believed_where_the_path_is_surer(path: float, believed: bool)
     error = np.random.default_rng(1).normal(size=(600, 3))
     error[:, 0] += np.maximum(np.arange(600) - 300, 0) * 0.1
     share = found(error, np.full(3, path), {})[f"{KEY}::east"]
-    assert (share > 10) == believed
+    assert (share > 5) == believed

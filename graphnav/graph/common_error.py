@@ -24,7 +24,8 @@ from graphnav.graph.nodes import SEGMENT_S
 KEY, MEMORY = "gnss_common", "gnss_common::memory"
 FIRST_SHARE = 10.0  # of the deviation assumed, in the first round
 ASSUMED = {f"{KEY}::{axis}": 1.0 for axis in AXES}
-SMALLEST, LARGEST = 0.05, 30.0  # shares of the deviation assumed
+# shares of the deviation assumed; a larger one would talk good fixes away (a car on a ferry)
+SMALLEST, LARGEST = 0.05, 10.0
 MEMORIES_S = (20.0, 40.0, 80.0, 160.0, 320.0, 640.0)
 ENOUGH, LONGEST = 20, 0.5  # segments that tell; lags looked at, of their number
 OUTLYING = 3.0  # usual deviations of the white part
