@@ -3,7 +3,8 @@
     r = [Log(R_i^T R_j) / s_R,  v_j / s_v,  (p_j - p_i) / s_p]
 
 Together with the inertial factor this levels, finds the gyro bias and, for gyros good enough, the
-heading from the Earth's rotation.
+heading from the Earth's rotation. Rows may be doubted one by one: a turntable takes the rotation
+about the vertical and leaves the rest, a lift takes the vertical.
 """
 
 from dataclasses import dataclass
@@ -11,7 +12,17 @@ from dataclasses import dataclass
 import numpy as np
 
 from factors import kinds, so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Array, Block, Scope, Term
+from factors.block import (
+    NODE_DIM,
+    POSITION,
+    ROTATION,
+    VELOCITY,
+    Array,
+    Block,
+    Scope,
+    Term,
+    whitened,
+)
 from factors.estimate import Estimate
 
 AXES = ("theta_x", "theta_y", "theta_z", "v_e", "v_n", "v_u", "p_e", "p_n", "p_u")
@@ -22,8 +33,8 @@ class StandstillNoise:
     """How still a standing vehicle is, one sigma over an interval."""
 
     rotation: Array  # (3,) rad, body axes
-    velocity: float  # m/s
-    position: float  # m
+    velocity: Array  # (3,) or (n, 3) m/s, axes of n
+    position: Array  # (3,) or (n, 3) m, axes of n
 
 
 def standstill(noise: StandstillNoise, scope: Scope, x: Estimate) -> Block:
@@ -38,15 +49,7 @@ def standstill(noise: StandstillNoise, scope: Scope, x: Estimate) -> Block:
     J_i[:, ROTATION, ROTATION], J_j[:, ROTATION, ROTATION] = -Jr @ so3.transpose(E), Jr
     J_j[:, VELOCITY, VELOCITY] = np.eye(3)
     J_i[:, POSITION, POSITION], J_j[:, POSITION, POSITION] = -np.eye(3), np.eye(3)
-    sigma = [noise.rotation, np.full(3, noise.velocity), np.full(3, noise.position)]
-    white = 1 / np.concatenate(sigma)
-    return Block(
-        kind=kinds.STANDSTILL,
-        axes=AXES,
-        time=scope.time,
-        residual=residual * white,
-        terms=(
-            Term("x", node, J_i * white[:, None]),
-            Term("x", node + 1, J_j * white[:, None]),
-        ),
-    )
+    parts = (noise.rotation, noise.velocity, noise.position)
+    sigma = np.concatenate([np.broadcast_to(s, (n, 3)) for s in parts], axis=1)
+    terms = Term("x", node, J_i), Term("x", node + 1, J_j)
+    return whitened(kinds.STANDSTILL, AXES, scope.time, residual, sigma, terms)

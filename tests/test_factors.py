@@ -221,7 +221,7 @@ def test_jacobians_of_the_plain_factors(seed: int) -> None:
     x = random_estimate(rng, 4, 2, DIM)
     x.R_nb[2] = x.R_nb[1] @ so3.exp(0.3 * rng.normal(size=3))
     time = np.arange(4.0)
-    noise = StandstillNoise(np.array([1e-3, 2e-3, 3e-3]), 1e-2, 1e-2)
+    noise = StandstillNoise(np.array([1e-3, 2e-3, 3e-3]), np.full(3, 1e-2), np.full(3, 1e-2))
     at_nodes, second = scope([0, 2], [0, 1]), scope([1], [1])
     carried = Carried(
         np.array([1.0, 0.6]), np.array([0.3, 0.8]), rng.normal(size=(2, 3)),
@@ -298,7 +298,9 @@ def test_zero_at_truth_of_the_plain_factors() -> None:
     sure = np.full(2, 0.01)
     known = InitialState(x.R_nb[0], x.v_n[0], x.p_n[0], np.ones(9))
     blocks = [
-        standstill(StandstillNoise(np.full(3, 1e-6), 1e-3, 1e-3), at_nodes, x),
+        standstill(
+            StandstillNoise(np.full(3, 1e-6), np.full(3, 1e-3), np.full(3, 1e-3)), at_nodes, x
+        ),
         heading(Bearing(azimuth + 2 * np.pi, sure), LAYOUT, at_nodes, x),
         heading(Bearing(course, sure, roll=0.2), LAYOUT, at_nodes, x),
         initial_state(known, 0.0, x),

@@ -16,6 +16,7 @@ from graphnav.batch.smoother import smooth_batch
 from graphnav.cli.cli import main
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Run
+from graphnav.graph.nodes import next_node
 from graphnav.graph.preparation import Prepared, prepare
 from graphnav.inertial.increments import increments
 from graphnav.reading.read import read_run
@@ -24,7 +25,7 @@ from graphnav.simulation import simulate
 from graphnav.stream import incremental_graph as growing
 from graphnav.stream import isam
 from graphnav.stream import replay as incremental
-from graphnav.stream.intake import Distance, Inertial, next_node
+from graphnav.stream.intake import Distance, Inertial
 
 SECONDS = 240.0  # of which the first 90 or so at rest
 

@@ -1,11 +1,17 @@
 """Where the vehicle stands, told from IMU and odometer."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from factors.preintegration import Increments
-from graphnav.common.run import Array, Gnss, Odometer
-from graphnav.inertial.standstill import Mask, believable, rocking, spans, standing, unmoved
+from graphnav.common.run import Array, Gnss, Odometer, Run, SideSpeeds
+from graphnav.inertial.carried import moved_along, moving_rests
+from graphnav.inertial.quietness import Mask, spans
+from graphnav.inertial.rest_rate import rest_rate
+from graphnav.inertial.standstill import Standstill, believable, rocking, standstill
 
 STEP = 0.05
 REST = (20.0, 30.0)
@@ -38,6 +44,12 @@ def odometer(rest: tuple[float, float] = REST, pulse: float = 0.0, ramp: float =
     if pulse:
         distance = np.floor(distance / pulse) * pulse
     return Odometer(time, distance, value, pulse)
+
+
+def standing(inc: Increments, odometer: Odometer | None) -> Mask:
+    """Where a run of these sensors stands."""
+    run = Run(Path("run.csv"), 0.0, float(inc.edge[-1]), None, odometer, None, None, None, None)
+    return standstill(inc, run, None, 1e-3).still
 
 
 def ends(mask: Mask) -> Array:
@@ -115,10 +127,85 @@ def test_a_locked_wheel_is_no_stop() -> None:
     assert standing(increments(noise_driving=2e-3), odometer()).any()
 
 
-@pytest.mark.parametrize(("speed", "kept"), [(0.0, 1), (8.0, 0)])
-def test_fixes_that_move_along_contradict_a_rest(speed: float, kept: int) -> None:
+@pytest.mark.parametrize(("speed", "moves"), [(0.0, False), (8.0, True)])
+def test_fixes_that_move_along_contradict_a_rest(speed: float, moves: bool) -> None:
     time = np.arange(0.0, 60.0)
     noise = 1.5 * np.random.default_rng(4).normal(size=(60, 2))
     north = (speed * time + noise[:, 0]) / 111_000
     gnss = Gnss(time, 45 + north, 10 + noise[:, 1] / 78_000, 0 * time, np.full((60, 3), 1.5))
-    assert len(unmoved(np.array([REST]), gnss)) == kept
+    assert (len(moved_along(np.array([REST]), gnss)) > 0) == moves
+
+
+def manoeuvre(turn: Array, push: Array, silent: Array, sides: bool = False) -> Standstill:
+    """Where a vehicle stands that turns about z at `turn` [rad/s] and accelerates ahead and upwards
+    by `push` (1200, 2) m/s^2, at 20 Hz; the odometer counts where it is not `silent`.
+    """
+    rng = np.random.default_rng(7)
+    edge = np.arange(1201) * STEP
+    shaking = np.where(silent, 2e-3, 0.3)[:, None]
+    force = shaking * rng.normal(size=(1200, 3)) + [0, 0, 9.8]
+    force[:, 1:] += push
+    rate = 0.1 * shaking * rng.normal(size=(1200, 3)) + 1e-4
+    rate[:, 2] += turn
+    inc = Increments(edge, rate * STEP, force * STEP, force * STEP**2 / 2, np.zeros(1200))
+    speed = np.where(silent, 0.0, 1.0)
+    odo = Odometer(edge, np.append(0, np.cumsum(speed * STEP)), np.append(speed, 0), 0.0)
+    both = None
+    if sides:
+        reach = 0.5 * np.append(turn, 0)
+        both = SideSpeeds(edge, np.append(speed, 0) - reach, np.append(speed, 0) + reach)
+    run = Run(Path("run.csv"), 0.0, 60.0, None, odo, both, None, None, None)
+    return standstill(inc, run, None, 1e-3)
+
+
+AT = np.arange(1200) * STEP
+SILENT = (AT < 5) | (AT >= 20)
+LEVEL = np.zeros((1200, 2))
+
+
+@pytest.mark.parametrize("rate", [0.05, 0.3, 1.5])
+@pytest.mark.parametrize("sides", [False, True])
+def test_a_steady_turn_on_the_spot_is_no_rest(rate: float, sides: bool) -> None:
+    turning = (AT >= 25) & (AT < 55)
+    found = manoeuvre(np.where(turning, rate, 0.0), LEVEL, SILENT, sides)
+    assert not found.still[(AT >= 25.5) & (AT < 54.5)].any()
+    assert found.still[(AT > 1) & (AT < 4)].all()
+    assert found.still[AT > 57].all()
+
+
+def test_a_bias_far_beyond_its_sigma_is_no_turn() -> None:
+    """0.017 rad/s (1 deg/s) at every rest and while driving, 17 sigma."""
+    found = manoeuvre(np.full(1200, 0.017), LEVEL, SILENT)
+    assert found.still[(AT > 22) & (AT < 59)].all()
+
+
+def test_turns_alone_are_no_rest() -> None:
+    """Quiet only while turning: what is seen while driving contradicts the bias it would be."""
+    assert rest_rate(np.full((50, 3), 0.3), np.zeros((50, 3)), 1e-4, 1e-3) is None
+    assert rest_rate(np.full((50, 3), 0.3), np.zeros((0, 3)), 1e-4, 1e-3) is not None
+
+
+@pytest.mark.parametrize(("column", "speed"), [(0, 0.3), (1, 0.5)])
+def test_what_moves_between_two_rests_is_carried(column: int, speed: float) -> None:
+    """A crawl below the wheel sensor's threshold; a lift."""
+    push = LEVEL.copy()
+    push[(AT >= 30) & (AT < 31), column] = speed
+    push[(AT >= 45) & (AT < 46), column] = -speed
+    found = manoeuvre(np.zeros(1200), push, SILENT)
+    riding = (AT >= 32) & (AT < 44)
+    assert found.carried[riding, column].all()
+    assert not found.carried[riding, 1 - column].any()
+    assert not found.carried[(AT > 47) | (AT < 29)].any()
+
+
+def test_a_fix_set_aside_at_once_moves_nobody() -> None:
+    time = np.arange(0.0, 60.0)
+    aside = np.where((time > 22) & (time < 27), 30.0, 0.0) + np.where(time > 40, 20.0, 0.0)
+    gnss = Gnss(time, 45 + aside / 111_000, 10 + 0 * time, 0 * time, np.full((60, 3), 1.5))
+    assert not len(moved_along(np.array([[10.0, 58.0]]), gnss))
+    gnss = replace(gnss, lat_deg=45 + 0.5 * time / 111_000)
+    assert len(moved_along(np.array([[0.0, 58.0]]), gnss))
+
+
+def test_moving_rests_needs_two_rests_of_a_silence() -> None:
+    assert moving_rests(increments(), np.array([[20.0, 30.0]]), np.array([REST])).shape == (0, 4)

@@ -41,7 +41,7 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
         reckoned=smoothed.reckoned,
         odometry=_odometry(smoothed, R_bm),
         fixes_n=fixes_in(origin, recorded.gnss),
-        rests=prep.sensed.rests,
+        rests=prep.sensed.standstill.rests,
         solver={
             "iterations": smoothed.iterations,
             "rounds": smoothed.rounds,

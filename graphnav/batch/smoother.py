@@ -114,10 +114,11 @@ def position_variance(found: Covariances) -> Array:
 def _nodes(prep: Prepared, boundaries: Array, interval: float) -> Nodes:
     """Nodes at the interval, standstill edges, state boundaries and fixes."""
     edges = prep.sensed.inc.edge
-    events = np.concatenate([prep.sensed.rests.ravel(), boundaries])
+    stands = prep.sensed.standstill
+    events = np.concatenate([stands.changes, boundaries])
     aids = (prep.sensed.gnss, prep.sensed.run.heading)
     extra = near_fixes(*(aid.time for aid in aids if aid is not None))
-    return place_nodes(edges, events, extra, prep.sensed.rests, interval)
+    return place_nodes(edges, events, extra, stands.rests, interval)
 
 
 def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
@@ -143,7 +144,7 @@ def _recognised(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | N
     """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
     if not _has_gears(prep):
         mid = 0.5 * (path.time[1:] + path.time[:-1])
-        state = np.where(prep.sensed.still, "stop", "moving")
+        state = np.where(prep.sensed.standstill.still, "stop", "moving")
         timeline = timeline_from_states(mid, state)
         return timeline.covering(float(path.time[0]), float(path.time[-1]))
     return recognise(kinematics(prep, path, estimate, nodes), prep.setup.params)

@@ -68,6 +68,35 @@ def place_nodes(
     return Nodes(chosen, time, segment, 0.5 * (bounds[1:] + bounds[:-1]))
 
 
+def next_node(
+    last: int, edge: Array, still: Array, aids: Array, start: float, interval: float
+) -> int | None:
+    """Edge number of the node after edge `last`, or None while that is open.
+
+    Nodes stand where standstill begins or ends, at `aids` (sorted times of fixes), else at every
+    `interval` s since `start`, at rest every ten. `still` covers the increments that are judged,
+    `aids` reach further.
+    """
+    ready, t = len(still), float(edge[last])
+    if last >= ready:
+        return None
+    resting, half = still[last] > 0, 0.5 * float(edge[last + 1] - t)
+    if resting:
+        target = t + REST_INTERVAL_S
+    else:
+        room = room_of(interval)
+        target = start + np.floor((t - start + room) / interval + 1) * interval
+        k = int(np.searchsorted(aids, t + room))
+        if k < len(aids) and aids[k] < target + room:
+            target = float(aids[k])
+    # an edge may not be the last of the judged ones: a change of standstill is seen after it
+    found = max(int(np.searchsorted(edge[:ready], target - half)), last + 1)
+    changes = np.flatnonzero(np.diff(still[last : found + 1])) + last + 1
+    if len(changes):
+        return int(min(changes[0], found))
+    return found if found < ready else None
+
+
 def near_fixes(*times: Array) -> Array:
     """Times of fixes that ask for nodes: of each sensor's (n,) s one in `FIX_SPACING_S`."""
     some = [t[np.unique(np.floor(t / FIX_SPACING_S), return_index=True)[1]] for t in times]

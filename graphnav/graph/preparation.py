@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from factors import so3
+from factors.block import Index
 from factors.calibration import Layout
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from graphnav.common.earth import G_STANDARD, Origin
@@ -16,16 +17,14 @@ from graphnav.inertial.alignment import Alignment, align
 from graphnav.inertial.fix_delay import found_delay
 from graphnav.inertial.increments import GRID_S, increments
 from graphnav.inertial.orientation import oriented
+from graphnav.inertial.quietness import within
 from graphnav.inertial.reckoning import inertial_path
 from graphnav.inertial.standstill import (
     BEGINS_S,
-    Mask,
+    Standstill,
     believable,
     rocking,
-    spans,
-    standing,
-    unmoved,
-    within,
+    standstill,
 )
 from graphnav.reading.outages import Outages, in_use
 from graphnav.reading.vehicle import Vehicle
@@ -60,8 +59,7 @@ class Sensed:
 
     run: Run  # with the fixes in use only
     inc: Increments
-    still: Mask  # (M,) whether the vehicle stands, per increment
-    rests: Array  # (K, 2) s, spans of standstill
+    standstill: Standstill  # where the vehicle stands or is carried
     fixes_n: Array  # (F, 3) m, the fixes in use, in n
     rocking: Array  # (3,) rad, how far the standing vehicle rocks, one sigma by axis
 
@@ -101,24 +99,20 @@ def prepare(
     vehicle, inc = lying.vehicle, lying.inc
     gnss, delay = punctual(gnss, vehicle, inc, run.odometer)
     used = replace(lying.run, gnss=gnss)
-    still = standing(inc, run.odometer)
-    rests = spans(still, inc.edge)
-    if gnss is not None:
-        rests = unmoved(rests, gnss)
-        still = within(inc, rests)
-    alignment = align(used, vehicle, inc, standing_start(rests, inc))
+    stands = standstill(inc, used, gnss, gyro_bias_sd(vehicle))
+    alignment = align(used, vehicle, inc, standing_start(stands.rests, inc))
     alignment = replace(alignment, told=(*lying.told, *alignment.told))
-    if run.odometer is None:
-        rests = believable(rests, *_reckoned_speed(inc, vehicle, alignment))
-        still = within(inc, rests)
     table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
     noise = inertial_noise(vehicle)
     fixes = fixes_in(alignment.origin, gnss)
     both, bias = two_sided(run, vehicle), alignment.gyro_bias
     layout = calibrations.layout(vehicle, table, gnss, both, bias, delay)
-    rock = rocking(inc, rests, noise.gyro)
     setup = Setup(vehicle, noise, alignment, table, layout, both, interval, delay)
-    return Prepared(setup, Sensed(used, inc, still, rests, fixes, rock))
+    if run.odometer is None:
+        kept = believable(stands.rests, *_reckoned_speed(inc, setup))
+        stands = replace(stands, still=within(inc.edge, kept))
+    rock = rocking(inc, stands.rests, noise.gyro)
+    return Prepared(setup, Sensed(used, inc, stands, fixes, rock))
 
 
 def fixes_in(origin: Origin, gnss: Gnss | None) -> Array:
@@ -151,18 +145,31 @@ def inertial_noise(vehicle: Vehicle) -> InertialNoise:
     )
 
 
-def _reckoned_speed(inc: Increments, vehicle: Vehicle, alignment: Alignment) -> tuple[Array, Array]:
+def gyro_bias_sd(vehicle: Vehicle) -> float:
+    """One sigma of a gyro's bias, rad/s."""
+    return float(vehicle.imu.gyro_bias_deg_h * calibrations.DEG_H)
+
+
+def _reckoned_speed(inc: Increments, setup: Setup) -> tuple[Array, Array]:
     """Forward speed from the IMU alone at 1 Hz: times and m/s."""
-    edge = np.unique(
-        np.searchsorted(inc.edge, np.append(np.arange(inc.edge[0], inc.edge[-1]), 1e18))
-    )
-    edge = np.unique(np.minimum(edge, len(inc.edge) - 1))
-    bias = np.tile(np.append(alignment.gyro_bias, np.zeros(3)), (len(edge) - 1, 1))
-    pre = preintegrate(inc, edge, bias, InertialNoise(1.0, 1.0))
-    R_bm = so3.exp(vehicle.odometer.mount_b)
-    start = alignment.start
-    R, v, _ = inertial_path(pre, start.R_nb, start.v_n, alignment.origin, R_bm)
-    return inc.edge[edge], so3.mtv(R @ R_bm, v)[:, 1]
+    nodes = np.searchsorted(inc.edge, np.append(np.arange(inc.edge[0], inc.edge[-1]), np.inf))
+    nodes = np.unique(np.minimum(nodes, len(inc.edge) - 1))
+    start = setup.alignment.start
+    _, _, speed = speed_along(inc, nodes, setup, start.R_nb, start.v_n)
+    return inc.edge[nodes], speed
+
+
+def speed_along(
+    inc: Increments, nodes: Index, setup: Setup, R_0: Array, v_0: Array
+) -> tuple[Array, Array, Array]:
+    """Forward speed (N,) m/s from the IMU alone at edges `nodes`, from attitude and velocity at the
+    first; with them, attitude and velocity at the last.
+    """
+    bias = np.tile(np.append(setup.alignment.gyro_bias, np.zeros(3)), (len(nodes) - 1, 1))
+    pre = preintegrate(inc, nodes, bias, InertialNoise(1.0, 1.0))
+    R_bm = so3.exp(setup.vehicle.odometer.mount_b)
+    R, v, _ = inertial_path(pre, R_0, v_0, setup.alignment.origin, R_bm)
+    return R[-1], v[-1], so3.mtv(R @ R_bm, v)[:, 1]
 
 
 def params(vehicle: Vehicle, two_sided: bool = False) -> VehicleParams:

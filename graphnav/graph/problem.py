@@ -21,10 +21,13 @@ from graphnav.graph.motion import Factor, Round, Scales, States, motion_factors
 from graphnav.graph.nodes import Nodes, nearest_node
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.satellite_fixes import satellite_fixes
+from graphnav.inertial.carried import HORIZONTAL, VERTICAL
+from graphnav.inertial.quietness import Mask
 from graphnav.recognition.timeline import Timeline
 
 STILL_VELOCITY, STILL_POSITION = 2e-3, 1e-3  # m/s, m
 STILL_ROTATION = 1e-9  # rad, at least
+FREE = 1e9  # times as unsure: nothing is said
 HEADING_REACH_S = 0.3  # a heading further from every node is left out
 HEADING_SD = np.deg2rad(1.0)
 
@@ -54,20 +57,24 @@ def build(
     bias = at.calibration[seg, setup.layout.bias]
     pre = preintegrate(prep.sensed.inc, nodes.edge, bias, setup.noise)
     owner = interval_of_increment(nodes.edge)
-    share = np.bincount(owner, prep.sensed.still, len(seg)) / np.bincount(owner, minlength=len(seg))
-    resting = np.flatnonzero(share > 0.999)
+    count = np.bincount(owner, minlength=len(seg))
+    stands = prep.sensed.standstill
+    resting = np.flatnonzero(np.bincount(owner, stands.still, len(seg)) / count > 0.999)
+    carried = np.stack([np.bincount(owner, on, len(seg)) > 0 for on in stands.carried.T], -1)
     state = timeline.state_at(0.5 * (nodes.time[1:] + nodes.time[:-1]))
     factors = [
         _start(prep, nodes),
         _calibration(common_layout(setup.layout, scales), nodes),
         inertial_factor(setup.alignment.origin, setup.layout, nodes, pre),
-        _standstill(prep, nodes, resting),
+        _standstill(prep, nodes, resting, carried[resting]),
     ]
-    moving = np.setdiff1d(np.arange(len(seg)), resting)
+    # what is carried says nothing with its wheels
+    moving = np.setdiff1d(np.flatnonzero(~carried.any(1)), resting)
     motion, groups = motion_factors(Round(prep, nodes, pre, state, at, scales), moving)
     factors.extend(motion)
     if prep.sensed.gnss is not None:
-        fixes = satellite_fixes(prep, nodes, pre, resting, at, scales)
+        unmoved = resting[~carried[resting].any(1)]
+        fixes = satellite_fixes(prep, nodes, pre, unmoved, at, scales)
         factors.append(fixes)
         groups[kinds.GNSS] = np.full(len(fixes(at)[0].time), "")
     if prep.sensed.run.heading is not None:
@@ -110,9 +117,11 @@ def inertial_factor(origin: Origin, layout: Layout, nodes: Nodes, pre: Preintegr
     return factor
 
 
-def _standstill(prep: Prepared, nodes: Nodes, resting: Index) -> Factor:
+def _standstill(prep: Prepared, nodes: Nodes, resting: Index, carried: Mask) -> Factor:
+    """At rest; along what is `carried` (n, 2), horizontal or vertical, nothing is held."""
     rotation = np.sqrt(2) * prep.sensed.rocking + STILL_ROTATION
-    noise = StandstillNoise(rotation, STILL_VELOCITY, STILL_POSITION)
+    free = np.where(carried[:, [HORIZONTAL, HORIZONTAL, VERTICAL]], FREE, 1.0)
+    noise = StandstillNoise(rotation, STILL_VELOCITY * free, STILL_POSITION * free)
     scope = nodes.intervals.of(resting)
     return lambda x: [standstill(noise, scope, x)] if len(resting) else []
 

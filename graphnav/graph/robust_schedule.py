@@ -11,11 +11,13 @@ FIRST = {
     kinds.VELOCITY: Robust("cauchy", 3.0),
     kinds.GNSS: Robust("cauchy", 3.0),
     kinds.HEADING: Robust("cauchy", 3.0),
+    kinds.STANDSTILL: Robust("huber", 3.0),
 }
 FINAL = {
     kinds.DISPLACEMENT: Robust("igg3", 2.5, 8.0),
     kinds.VELOCITY: Robust("igg3", 2.5, 8.0),
     kinds.GNSS: Robust("igg3", 2.0, 6.0),
     kinds.HEADING: Robust("igg3", 2.0, 6.0),
+    kinds.STANDSTILL: Robust("igg3", 2.5, 8.0),
     kinds.SCALE_WALK: Robust("cauchy", 3.0),
 }

@@ -1,93 +1,164 @@
-"""Where the vehicle stands: spans in which the odometer does not count and the IMU is quiet."""
+"""Where the vehicle stands: a hypothesis that running gear, IMU and fixes may contradict.
+
+A silent odometer (both sides, where there are two) and a quiet IMU name the candidates. What turns
+at another rate than the gyros show at rest is a turn on the spot; what slows otherwise than the
+odometer is a locked wheel. A vehicle that stands may be carried: see `carried`. Batch and stream
+judge with the same functions, the stream with what it knows by then.
+"""
+
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
 
 from factors.preintegration import Increments
-from graphnav.common.earth import Origin
-from graphnav.common.run import Array, Gnss, Odometer
-from graphnav.inertial.odometry import heard, speed_at
+from graphnav.common.run import Array, Gnss, Odometer, Run
+from graphnav.inertial.carried import carried_in, moved_along, moving_rests
+from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.quietness import (
+    REACH_S,
+    SHORTEST_S,
+    Mask,
+    Quietness,
+    long_enough,
+    quietness,
+    spans,
+    within,
+)
+from graphnav.inertial.rest_rate import RestRate, rest_rate
 
-Mask = NDArray[np.bool_]
-
-WINDOW_S = 1.0
-SHORTEST_S = 1.0
 BEGINS_S = 0.7  # of the run's start: a rest that begins later is no standing start
-REACH_S = 0.2  # beyond its samples an odometer's silence means nothing
 SPEED_SLACK, SPEED_DRIFT = 0.3, 0.01  # m/s and m/s^2, of a speed reckoned from the IMU alone
 MOST_SLACK = 1.5  # m/s; a speed known worse than this tells no stop from a crawl
 BRAKING_S, BRAKING_SLACK = 2.0, 2.5  # s before a rest, m/s of braking the IMU may miss there
-FIXED_SPEED, FIXED_SIGMAS = 1.0, 3.0  # m/s and deviations by which fixes contradict a rest
 # without an odometer the IMU alone must be this still: m/s^2 and rad/s, standard deviations
-QUIET_FORCE, QUIET_RATE, SLOW_RATE = 0.06, 0.004, 0.01
+QUIET_FORCE, QUIET_RATE = 0.06, 0.004
+MOST_FORCE, MOST_RATE = 3.0, 0.2  # the same with an odometer: what shakes more does not stand
+USUAL_FACTOR, LEAST_FORCE, LEAST_RATE = 4.0, 1e-3, 1e-6  # of the usual deviation; m/s^2, rad/s
 
 
-def standing(inc: Increments, odometer: Odometer | None) -> Mask:
-    """Whether the vehicle stands during each increment, (M,).
+@dataclass(frozen=True)
+class Standstill:
+    """Where the vehicle stands on its wheels, and where it is carried as it stands."""
 
-    With an odometer its silence names the candidates, and the quietness usual among them decides;
-    an odometer that reads zero while the vehicle creeps is thus overruled by the IMU.
+    edge: Array  # (M + 1,) s, of the increments
+    still: Mask  # (M,) stands, carried or not
+    carried: Mask  # (M, 2) the ground moves, horizontally or vertically; its wheels say nothing
+
+    @property
+    def rests(self) -> Array:
+        """Spans at rest on ground that does not move, (K, 2) s."""
+        return spans(self.still & ~self.carried.any(1), self.edge)
+
+    @property
+    def changes(self) -> Array:
+        """Times at which standing, or being carried, begins or ends, s."""
+        state = np.column_stack([self.still, self.carried])
+        return np.asarray(self.edge[1:-1][(state[1:] != state[:-1]).any(1)])
+
+
+@dataclass(frozen=True)
+class Usual:
+    """What is usual at standstill: the most deviation of force and rate, and the rate itself."""
+
+    shake: float  # m/s^2
+    turn: float  # rad/s
+    rest: RestRate | None  # None: nothing yet, or nothing that is no turn
+
+    def quiet(self, q: Quietness) -> Mask:
+        """Whether each increment is as quiet as a standstill, turning or not, (M,)."""
+        return np.asarray(q.silent & (q.shake < self.shake) & (q.turn < self.turn))
+
+    def still(self, q: Quietness) -> Mask:
+        """Whether the vehicle may stand during each increment, (M,)."""
+        if self.rest is None:
+            return np.zeros(len(q.silent), bool)
+        away = np.linalg.norm(q.rate - self.rest.rate, axis=1)
+        return np.asarray(self.quiet(q) & (away < self.rest.tolerance))
+
+
+def limits(deviation: Array, heard: bool) -> tuple[float, float]:
+    """Most deviation of force [m/s^2] and rate [rad/s] at rest, from those (n, 2) while the
+    running gear was silent; where none is `heard`, the IMU alone must be still.
     """
-    shake, turn, slow, silent = quietness(inc, odometer)
-    unheard = (shake < QUIET_FORCE) & (turn < QUIET_RATE) & slow
+    if not heard:
+        return QUIET_FORCE, QUIET_RATE
+    if not len(deviation):
+        return 0.0, 0.0
+    shake, turn = USUAL_FACTOR * np.median(deviation, axis=0) + (LEAST_FORCE, LEAST_RATE)
+    return min(float(shake), MOST_FORCE), min(float(turn), MOST_RATE)
+
+
+def noise_of(turn: Array, width: int) -> float:
+    """One sigma of a window's mean rate [rad/s] from the deviations (n,) inside windows."""
+    return float(np.median(turn)) / np.sqrt(width) if len(turn) else 0.0
+
+
+def standstill(inc: Increments, run: Run, gnss: Gnss | None, bias_sd: float) -> Standstill:
+    """Where the vehicle of a run stands, and where it is carried.
+
+    The quietness usual among the candidates decides, so that an odometer that reads zero while the
+    vehicle creeps is overruled by the IMU. `gnss` the fixes in use, `bias_sd` rad/s, one sigma of
+    the gyro bias expected.
+    """
+    odometer = run.odometer
+    q = quietness(inc, odometer, run.sides)
+    if odometer is not None:
+        q = replace(q, silent=q.silent | before_the_odometer(inc, odometer, q))
+    still = usual_of(q, odometer is not None, bias_sd).still(q)
+    rests = spans(long_enough(still, inc.edge), inc.edge)
     if odometer is None:
-        quiet = unheard
-    else:
-        silent = silent | _before_the_odometer(inc, odometer, unheard)
-        if not silent.any():
-            return silent
-        quiet = silent & (shake < 4 * np.median(shake[silent]) + 1e-3)
-        quiet &= turn < 4 * np.median(turn[silent]) + 1e-6
-        found = spans(_long_enough(quiet, np.diff(inc.edge)), inc.edge)
-        quiet &= within(inc, braked(found, inc, odometer))
-    return _long_enough(quiet, np.diff(inc.edge))
+        kept = within(inc.edge, rests)
+        if gnss is not None:
+            kept &= ~carried_in(inc.edge, moved_along(rests, gnss)).any(1)
+        return Standstill(inc.edge, kept, np.zeros((len(still), 2), bool))
+    rests = braked(rests, inc, odometer)
+    silences = spans(long_enough(q.silent, inc.edge), inc.edge)
+    carried = carried_in(inc.edge, moving_rests(inc, rests, silences))
+    if gnss is not None:
+        carried |= carried_in(inc.edge, moved_along(silences, gnss))
+    return Standstill(inc.edge, within(inc.edge, rests), carried)
 
 
-def _before_the_odometer(inc: Increments, odometer: Odometer, quiet: Mask) -> Mask:
+def usual_of(q: Quietness, heard: bool, bias_sd: float) -> Usual:
+    """What is usual at standstill over a run; `heard` whether it has an odometer."""
+    shake, turn = limits(np.column_stack([q.shake, q.turn])[q.silent], heard)
+    usual = Usual(shake, turn, None)
+    quiet = usual.quiet(q)
+    noise = noise_of(q.turn[quiet], q.width)
+    moving = q.rate[~q.silent if heard else ~quiet]
+    found = rest_rate(q.rate[quiet][:: q.width], moving[:: q.width], noise, bias_sd)
+    return Usual(shake, turn, found)
+
+
+def before_the_odometer(inc: Increments, odometer: Odometer, q: Quietness) -> Mask:
     """A quiet beginning of the run, over before the odometer is heard: a standing start."""
     early = inc.edge[1:] < odometer.time[0] - REACH_S
-    begun = np.logical_and.accumulate(quiet & early)
+    quiet = early & (q.shake < QUIET_FORCE) & (q.turn < QUIET_RATE)
+    begun = np.logical_and.accumulate(quiet)
     return np.asarray(begun & (begun.sum() * np.diff(inc.edge).mean() > SHORTEST_S))
 
 
-def quietness(inc: Increments, odometer: Odometer | None) -> tuple[Array, Array, Mask, Mask]:
-    """How quiet it is about each increment: deviation of force [m/s^2] and of rate [rad/s], whether
-    it turns slowly, whether the odometer (if any) shows no motion; (M,) each, over `WINDOW_S`.
-    """
-    dt = np.diff(inc.edge)
-    width = max(3, round(WINDOW_S / float(np.median(dt))))
-    force, rate = inc.velocity / dt[:, None], inc.rotation / dt[:, None]
-    slow = np.linalg.norm(uniform_filter1d(rate, width, axis=0), axis=1) < SLOW_RATE
-    silent = np.zeros(len(dt), bool) if odometer is None else _odometer_silent(inc, odometer)
-    return _deviation(force, width), _deviation(rate, width), slow, silent
-
-
-def spans(mask: Mask, edge: Array) -> Array:
-    """Runs of True as (K, 2) start and end times, s."""
-    change = np.diff(np.concatenate([[0], mask.astype(np.int8), [0]]))
-    return np.stack([edge[np.flatnonzero(change == 1)], edge[np.flatnonzero(change == -1)]], -1)
-
-
 def believable(rests: Array, time: Array, speed: Array) -> Array:
-    """The rests (K, 2) s at which a reckoned speed (n,) m/s at `time` may have been zero.
-
-    Without an odometer a smooth ride at constant speed is as quiet as a stop. The first rest, when
-    the run begins with it, is believed; each later one only while the speed reckoned since the last
-    believed rest is small against its own drift. A stop missed costs little, a false one ruins all.
-    """
+    """The rests (K, 2) s at which a reckoned speed (n,) m/s at `time` may have been zero."""
     kept: list[Array] = []
     for rest in rests:
-        if not kept:
-            if rest[0] - time[0] < BEGINS_S:
-                kept.append(rest)
-            continue
-        since = float(rest[0] - kept[-1][1])
-        gained = np.interp(rest, time, speed) - np.interp(kept[-1][1], time, speed)
-        slack = SPEED_SLACK + SPEED_DRIFT * since
-        if slack < MOST_SLACK and np.abs(gained).max() < slack:
+        if may_stand(rest, kept[-1] if kept else None, time, speed):
             kept.append(rest)
     return np.array(kept).reshape(-1, 2)
+
+
+def may_stand(rest: Array, last: Array | None, time: Array, speed: Array) -> bool:
+    """Whether a vehicle without an odometer may rest from `rest[0]` to `rest[1]` s.
+
+    A smooth ride at constant speed is as quiet as a stop. The first rest, when the run begins with
+    it, is believed; each later one only while the speed reckoned since the `last` believed rest is
+    small against its own drift. A stop missed costs little, a false one ruins all.
+    """
+    if last is None:
+        return bool(rest[0] - time[0] < BEGINS_S)
+    gained = np.interp(rest, time, speed) - np.interp(last[1], time, speed)
+    slack = SPEED_SLACK + SPEED_DRIFT * float(rest[0] - last[1])
+    return bool(slack < MOST_SLACK and np.abs(gained).max() < slack)
 
 
 def braked(rests: Array, inc: Increments, odometer: Odometer) -> Array:
@@ -104,24 +175,6 @@ def braked(rests: Array, inc: Increments, odometer: Odometer) -> Array:
         slowed = v_start - v_before - gravity * (start - before)
         if abs(slowed + float(speed_at(odometer, np.array(before)))) < BRAKING_SLACK:
             kept.append((start, end))
-    return np.array(kept).reshape(-1, 2)
-
-
-def unmoved(rests: Array, gnss: Gnss) -> Array:
-    """The rests (K, 2) s that fixes do not contradict by moving along."""
-    kept = []
-    lat, lon, height = np.deg2rad(gnss.lat_deg), np.deg2rad(gnss.lon_deg), gnss.height
-    fixes_n = Origin(float(lat[0]), float(lon[0]), float(height[0])).local(lat, lon, height)
-    for start, end in rests:
-        on = np.flatnonzero((gnss.time >= start - 0.5) & (gnss.time <= end + 0.5))
-        few = max(1, len(on) // 4)
-        if len(on) >= 2:
-            away = np.median(fixes_n[on[-few:], :2], 0) - np.median(fixes_n[on[:few], :2], 0)
-            moved = float(np.linalg.norm(away))
-            sd = float(np.median(gnss.sd_enu[on, :2]))
-            if moved > FIXED_SPEED * (end - start) and moved > FIXED_SIGMAS * np.sqrt(2) * sd:
-                continue
-        kept.append((start, end))
     return np.array(kept).reshape(-1, 2)
 
 
@@ -144,42 +197,3 @@ def rocking(inc: Increments, rests: Array, gyro: float) -> Array:
             own = gyro**2 * inc_dt * len(angle) / 15
             found.append(np.sqrt(np.maximum((angle - trend).var(0) - own, 0.1 * own)))
     return np.median(found, 0) if found else np.zeros(3)
-
-
-def within(inc: Increments, rests: Array) -> Mask:
-    """Whether each increment lies in one of the rests, (M,)."""
-    mask = np.zeros(len(inc.edge) - 1, bool)
-    for start, end in rests:
-        mask |= (inc.edge[:-1] >= start - 1e-9) & (inc.edge[1:] <= end + 1e-9)
-    return mask
-
-
-def _deviation(x: Array, width: int) -> Array:
-    """Standard deviation of a vector (M, 3) over a centred window, norm over axes, (M,)."""
-    centred = x - x.mean(0)
-    mean = uniform_filter1d(centred, width, axis=0)
-    square = uniform_filter1d(centred**2, width, axis=0)
-    return np.asarray(np.sqrt(np.maximum(square - mean**2, 0).sum(1)))
-
-
-def _odometer_silent(inc: Increments, odometer: Odometer) -> Mask:
-    """Whether the odometer shows no motion within half a window of each increment."""
-    half = WINDOW_S / 2
-    mid = 0.5 * (inc.edge[1:] + inc.edge[:-1])
-    distance = np.interp(mid + half, odometer.time, odometer.distance) - np.interp(
-        mid - half, odometer.time, odometer.distance
-    )
-    covered = heard(odometer.time, mid, mid, REACH_S)
-    # one count may fall at rest (rocking); a noisy speed counts as zero below 5 cm/s
-    limit = max(1.01 * odometer.pulse, 0.05 * WINDOW_S)
-    return np.asarray(covered & (np.abs(distance) <= limit))
-
-
-def _long_enough(mask: Mask, dt: Array) -> Mask:
-    """Drop runs shorter than `SHORTEST_S`."""
-    change = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
-    out = mask.copy()
-    for a, b in zip(change[::2], change[1::2], strict=True):
-        if dt[a:b].sum() < SHORTEST_S:
-            out[a:b] = False
-    return out

@@ -20,6 +20,7 @@ Array = NDArray[np.float64]
 FASTEST_TURN = 6.0  # rad/s kept up for a second: no land vehicle turns a revolution that fast
 STILL_FORCE = 0.02  # m/s^2, change of the mean force from one second to the next, at rest
 UP_SHARE = 0.8  # of gravity that must lie on the up axis (37 deg of slope)
+FEW_RESTING, COMMON_SHARE = 5, 0.9  # seconds at rest; share of them that show one rate
 FAR_M = 300e3  # from the start, of the middle of the fixes
 TRAVELLED_M = 100.0  # between fixes; less may be their scatter
 DEG_CURE = 'set [columns] gyro = { unit = "deg/s" } in the vehicle file'
@@ -94,17 +95,32 @@ def check_rates(run: Run, vehicle: Vehicle) -> None:
             f"{run.path}: the gyros turn at {turn.max():.3g} rad/s for a whole second near "
             f"{run.clock_start + float(turn.argmax()):.1f}; if they are in deg/s {DEG_CURE}"
         )
-    rest = _rest(now)
     bias = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600
     noise = np.deg2rad(vehicle.imu.gyro_noise_deg_sqrt_h) / 60
-    if rest.sum() >= 5:
-        idle = float(np.linalg.norm(np.median(now.rate[rest], axis=0)))
-        limit = 10 * (RATE + 3 * bias + 3 * noise)
-        if idle > limit:
-            raise InputError(
-                f"{run.path}: at rest the gyros read {idle:.3g} rad/s, over {limit:.3g}, ten times "
-                f"Earth rate, bias and noise together; if they are in deg/s {DEG_CURE}"
-            )
+    idle, limit = _idle(now), 10 * (RATE + 3 * bias + 3 * noise)
+    if idle > limit and not 0.5 < abs(_centripetal(now) or 0.0) < 2:
+        raise InputError(
+            f"{run.path}: at rest the gyros read {idle:.3g} rad/s, over {limit:.3g}, ten times "
+            f"Earth rate, bias and noise together; if they are in deg/s {DEG_CURE}"
+        )
+
+
+def _idle(now: Seconds) -> float:
+    """The rate common to all rests, rad/s; 0 where there is none.
+
+    A steady turn on the spot looks like a rest, but it ends, and is not there on the move.
+    """
+    rest = _rest(now)
+    if rest.sum() < FEW_RESTING:
+        return 0.0
+    usual = np.median(now.rate[rest], axis=0)
+    idle = float(np.linalg.norm(usual))
+    apart = np.linalg.norm(now.rate[rest] - usual, axis=1)
+    if np.mean(apart < 0.5 * idle) < COMMON_SHARE:
+        return 0.0
+    moving = np.abs(now.speed) > 0.5
+    on_the_move = np.median(np.linalg.norm(now.rate[moving], axis=1)) if moving.any() else idle
+    return idle if on_the_move > 0.5 * idle else 0.0
 
 
 def driving_findings(run: Run, vehicle: Vehicle) -> list[str]:
@@ -138,12 +154,8 @@ def _forward_finding(now: Seconds, vehicle: Vehicle) -> list[str]:
 
 def _centripetal_finding(run: Run, now: Seconds) -> list[str]:
     """Lateral force must be minus speed times yaw rate; InputError when it is 1/57 of it."""
-    pull = -now.speed * now.rate[:, 2]
-    bend = (np.abs(pull) > 0.3) & (now.speed > 2)
-    if bend.sum() < 20 or abs(_correlation(pull[bend], now.force[bend, 0])) < 0.7:
-        return []
-    slope = float(np.polyfit(pull[bend], now.force[bend, 0], 1)[0])
-    if 0.5 < slope < 2:
+    slope = _centripetal(now)
+    if slope is None or 0.5 < slope < 2:
         return []
     if 0 < slope < 2 * DEG:
         raise InputError(
@@ -154,6 +166,15 @@ def _centripetal_finding(run: Run, now: Seconds) -> list[str]:
         f"in bends the lateral force is {slope:.2f} times speed times yaw rate, and should be 1: "
         "check the units of the odometer (km/h is 0.28) and gyros (deg/s is 0.017) and [imu] axes"
     ]
+
+
+def _centripetal(now: Seconds) -> float | None:
+    """Lateral force per minus speed times yaw rate; None without bends that show it."""
+    pull = -now.speed * now.rate[:, 2]
+    bend = (np.abs(pull) > 0.3) & (now.speed > 2)
+    if bend.sum() < 20 or abs(_correlation(pull[bend], now.force[bend, 0])) < 0.7:
+        return None
+    return float(np.polyfit(pull[bend], now.force[bend, 0], 1)[0])
 
 
 def check_fixes(run: Run, vehicle: Vehicle) -> list[str]:

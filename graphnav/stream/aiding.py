@@ -52,6 +52,10 @@ class Aiding:
         lat, lon, height = rows[on_time, 1:4].T
         return Gnss(true[on_time], lat, lon, height, rows[on_time, 4:7])
 
+    def between(self, after: float, until: float) -> Gnss | None:
+        """Fixes in use, as stamped, after a time and until another, when they were heard."""
+        return self.fixes(after, until, until, 0.0)
+
     def stops(self, after: float) -> Array:
         """Times after another at which nodes are wanted, sorted."""
         fixes, headings = (t.rows[int(np.searchsorted(t.rows, after)) :] for t in self._stops)

@@ -21,7 +21,7 @@ from graphnav.inertial.levelling import LEVELLING_S
 from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.corrections import Correction, correction_table
 from graphnav.stream.aiding import Aiding, usual_fix
-from graphnav.stream.intake import Sensors
+from graphnav.stream.sensors import Sensors
 
 LONGEST_REST_S = 120.0  # of a standing start that is waited for before aligning
 GROWTH = 1.2  # of the run between looks at whether its heading still holds
@@ -88,7 +88,7 @@ class Initialisation:
         edge = self._sensors.inertial.edge.rows
         run = self._so_far(float(edge[until]))
         inc = self._sensors.inertial.between(0, until)
-        rested = standing_start(self._sensors.rest.spans(edge, until), inc)
+        rested = standing_start(self._sensors.standstill.spans(edge, until), inc)
         if waits and self._waits(run, rested, until):
             return None
         try:
@@ -104,7 +104,7 @@ class Initialisation:
     def _waits(self, run: Run, rested: float, until: int) -> bool:
         """Whether more is worth waiting for: the end of a rest, levelling, more fixes."""
         if (
-            self._sensors.rest.still.rows[until - 1]
+            self._sensors.standstill.resting.rows[until - 1]
             and rested == self._sensors.inertial.edge.rows[until]
         ):
             return self._looked < LONGEST_REST_S

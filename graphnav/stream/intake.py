@@ -1,4 +1,4 @@
-"""Sensors arriving piece by piece: increments, standstill and where the next node belongs.
+"""Sensors arriving piece by piece: increments, distances and speeds.
 
 Causal but for `LOOK_AHEAD_S`: what is said of time t rests on what is known up to t + 0.5 s, which
 the standstill window and the odometer's interpolation need, and on the IMU's samples of 0.4 s more,
@@ -6,8 +6,6 @@ which tell a measurement from a fault. The result does not depend on the sizes o
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -15,13 +13,8 @@ from numpy.typing import ArrayLike
 from graphnav.common.errors import InputError
 from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import Array, Odometer, SideSpeeds
-from graphnav.graph.nodes import REST_INTERVAL_S, room_of
-from graphnav.inertial.standstill import QUIET_FORCE, QUIET_RATE, SHORTEST_S, Mask, quietness, spans
-from graphnav.stream.inertial_intake import Inertial
 
 LOOK_AHEAD_S = 0.5
-FRAME = 20  # increments after which the usual quietness is measured anew
-REMEMBERED = 1200  # increments of standstill it is the median of
 MARGIN_S, MARGIN_SAMPLES = 1.0, 3  # of the odometer before an interval
 
 
@@ -108,89 +101,3 @@ def _around(t: Array, start: float, end: float) -> slice:
     """Which samples at times t (n,) matter between two times."""
     first = max(int(np.searchsorted(t, start - MARGIN_S)) - MARGIN_SAMPLES, 0)
     return slice(first, int(np.searchsorted(t, end + LOOK_AHEAD_S, side="right")))
-
-
-class Rest:
-    """Which increments are at standstill, as `standstill.standing` has it but without the future:
-    quiet for a second already, compared with the standstills so far.
-    """
-
-    def __init__(self) -> None:
-        self.still = GrowingArray()  # 0 or 1 by increment
-        self._usual = GrowingArray(2)  # deviations while the odometer was silent
-        self._limit = np.full(2, np.inf)
-        self._quiet_s = 0.0  # how long it has been quiet
-
-    def advance(self, inertial: Inertial, odometer: Distance, ready: int) -> None:
-        """Judge the increments up to `ready`, which must have their look-ahead."""
-        done = len(self.still)
-        if ready <= done:
-            return
-        before = max(done - 2 * FRAME, 0)
-        inc = inertial.between(before, len(inertial))
-        there = odometer.around(inc.edge[0], inc.edge[-1])
-        shake, turn, slow, silent = quietness(inc, there)
-        deviation, dt = np.column_stack([shake, turn]), np.diff(inc.edge)
-        frames = np.arange(done - done % FRAME + FRAME, ready, FRAME)
-        for a, b in pairwise([done, *frames.tolist(), ready]):
-            on = slice(a - before, b - before)
-            if not len(odometer):
-                quiet = (deviation[on] < (QUIET_FORCE, QUIET_RATE)).all(1) & slow[on]
-            else:
-                quiet = silent[on] & (deviation[on] < self._limit).all(1)
-                self._usual.append(deviation[on][silent[on]])
-            self.still.append(self._lasting(quiet, dt[on]))
-            if b % FRAME == 0 and len(self._usual):
-                usual = np.median(self._usual.rows[-REMEMBERED:], axis=0)
-                self._limit = 4 * usual + (1e-3, 1e-6)
-
-    def _lasting(self, quiet: Mask, dt: Array) -> Array:
-        """Quiet increments that end at least `SHORTEST_S` of quiet."""
-        lasted = np.cumsum(dt)
-        broken = np.maximum.accumulate(np.where(quiet, -self._quiet_s, lasted))
-        lasted = np.where(quiet, lasted - broken, 0.0)
-        self._quiet_s = float(lasted[-1])
-        return (lasted > SHORTEST_S - 1e-6).astype(np.float64)
-
-    def spans(self, edge: Array, until: int) -> Array:
-        """Standstills among the first `until` increments, (K, 2) s."""
-        return spans(self.still.rows[:until] > 0, edge)
-
-
-@dataclass(frozen=True)
-class Sensors:
-    """What a stream has heard of the vehicle's own motion."""
-
-    inertial: Inertial = field(default_factory=Inertial)
-    rest: Rest = field(default_factory=Rest)
-    odometer: Distance = field(default_factory=Distance)
-    sides: Sides = field(default_factory=Sides)
-
-
-def next_node(
-    last: int, edge: Array, still: Array, aids: Array, start: float, interval: float
-) -> int | None:
-    """Edge number of the node after edge `last`, or None while that is open.
-
-    Nodes stand where standstill begins or ends, at `aids` (sorted times of fixes), else at every
-    `interval` s since `start`, at rest every ten. `still` covers the increments that are judged,
-    `aids` reach `LOOK_AHEAD_S` further.
-    """
-    ready, t = len(still), float(edge[last])
-    if last >= ready:
-        return None
-    resting, half = still[last] > 0, 0.5 * float(edge[last + 1] - t)
-    if resting:
-        target = t + REST_INTERVAL_S
-    else:
-        room = room_of(interval)
-        target = start + np.floor((t - start + room) / interval + 1) * interval
-        k = int(np.searchsorted(aids, t + room))
-        if k < len(aids) and aids[k] < target + room:
-            target = float(aids[k])
-    # an edge may not be the last of the judged ones: a change of standstill is seen after it
-    found = max(int(np.searchsorted(edge[:ready], target - half)), last + 1)
-    changes = np.flatnonzero(np.diff(still[last : found + 1])) + last + 1
-    if len(changes):
-        return int(min(changes[0], found))
-    return found if found < ready else None

@@ -14,10 +14,9 @@ from graphnav.graph.nodes import SEGMENT_S, Nodes
 from graphnav.graph.preparation import Prepared, Sensed, Setup, fixes_in
 from graphnav.graph.problem import Problem, build
 from graphnav.graph.satellite_fixes import NODE_SLACK_S, carried_with
-from graphnav.inertial.standstill import spans
 from graphnav.recognition.timeline import Timeline
 from graphnav.stream.aiding import Aiding, joined
-from graphnav.stream.intake import Sensors
+from graphnav.stream.sensors import Sensors
 
 
 class NodeLog:
@@ -104,8 +103,8 @@ class NodeLog:
             rover=None,
         )
         inc = heard.inertial.between(a, b)
-        still = heard.rest.still.rows[a:b] > 0
-        sensed = Sensed(run, inc, still, spans(still, inc.edge), fixes_n, self.rocking)
+        stands = heard.standstill.between(a, b, inc.edge, span[1])
+        sensed = Sensed(run, inc, stands, fixes_n, self.rocking)
         return Prepared(self.setup, sensed), nodes
 
     def problem(self, first: int, last: int, at: Estimate) -> Problem:

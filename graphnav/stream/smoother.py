@@ -11,9 +11,8 @@ from factors.calibration import TRACK_WIDTH
 from factors.preintegration import Increments
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array
-from graphnav.graph.nodes import INTERVAL_S, room_of
-from graphnav.graph.preparation import Setup
-from graphnav.inertial.standstill import rocking
+from graphnav.graph.nodes import INTERVAL_S, next_node, room_of
+from graphnav.graph.preparation import Setup, gyro_bias_sd
 from graphnav.reading.counter import FASTEST
 from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.corrections import Correction
@@ -22,8 +21,11 @@ from graphnav.stream.causal_estimate import CausalEstimate, shares
 from graphnav.stream.causal_states import CausalStates
 from graphnav.stream.incremental_graph import IncrementalGraph
 from graphnav.stream.initialisation import Initialisation
-from graphnav.stream.intake import LOOK_AHEAD_S, Sensors, next_node, sound
+from graphnav.stream.intake import LOOK_AHEAD_S, sound
 from graphnav.stream.node_log import NodeLog
+from graphnav.stream.rocking import Rocking
+from graphnav.stream.sensors import Sensors
+from graphnav.stream.standstill import CausalStandstill
 
 
 class Smoother:
@@ -80,7 +82,7 @@ class Smoother:
         self._expects = fixes and vehicle.gnss.use
         self._interval = interval
         self._clock = clock  # at time 0
-        self._heard = Sensors()
+        self._heard = Sensors(CausalStandstill(gyro_bias_sd(vehicle)))
         self._aiding = Aiding(self._expects)
         self.graph: IncrementalGraph | None = None
         self._beginning = Initialisation(
@@ -92,7 +94,7 @@ class Smoother:
         self._aligned = 0.0  # s, when the alignment was done
         self._left = 0  # node that leaves the lag next
         self._newest_of: dict[str, float] = {}  # sample, s, by sensor
-        self._rocking: dict[int, Array] = {}  # of each standstill, by its first increment
+        self._rocking = Rocking()
 
     def add_imu(self, time: ArrayLike, gyro: ArrayLike, accel: ArrayLike) -> None:
         """Samples: time of the end of each interval (n,) s, mean rate and specific force (n, 3)."""
@@ -199,11 +201,15 @@ class Smoother:
 
     def _advance(self, ready: int, due: float, last: bool = False) -> None:
         """Align when that is possible, then every node that is due (since `due`)."""
-        self._heard.rest.advance(self._heard.inertial, self._heard.odometer, ready)
-        if self.graph is None:
-            self._begin(ready, last)
-        elif self._expects:
-            self._begin_again(ready)
+        end = 0
+        while end < ready:
+            # what is aligned helps to judge where it stands: frame by frame until then
+            end = ready if self.graph is not None else self._heard.standstill.next_frame(ready)
+            self._judge(end)
+            if self.graph is None:
+                self._begin(end, last and end == ready)
+            elif self._expects:
+                self._begin_again(end)
         if self.graph is None:
             return
         while True:
@@ -213,19 +219,26 @@ class Smoother:
             self._nodes(edges, due)
             due = perf_counter()
 
+    def _judge(self, ready: int) -> None:
+        """Where the vehicle stands, until the edge `ready`."""
+        heard = self._heard
+        gear = heard.inertial, heard.odometer, heard.sides
+        heard.standstill.advance(*gear, self._aiding.between, ready)
+
     def _due(self) -> list[int]:
         """Edges of the next nodes that can be placed, up to where the graph pauses for a sweep.
 
-        A node at standstill stands alone: what its rest shows counts from then on.
+        A node in silence of the running gear stands alone: what its rest shows counts from then on.
         """
-        edge, still, graph = self._heard.inertial.edge.rows, self._heard.rest.still.rows, self.graph
+        edge, graph, stands = self._heard.inertial.edge.rows, self.graph, self._heard.standstill
         assert graph is not None
+        still, silent = stands.resting.rows, stands.silent.rows
         places, start = list[int](), float(edge[0])
         last, count = int(graph.log.edge.rows[-1]), graph.last
-        while not places or (count % graph.every and not still[last - 1]):
+        while not places or (count % graph.every and not silent[last - 1]):
             aids = self._aiding.stops(float(edge[last]))
             place = next_node(last, edge, still, aids, start, self._interval)
-            if place is None or (places and still[place - 1]):
+            if place is None or (places and silent[place - 1]):
                 break
             places.append(place)
             last, count = place, count + 1
@@ -248,6 +261,7 @@ class Smoother:
 
     def _started(self, setup: Setup) -> None:
         self._aligned = self._beginning.aligned
+        self._heard.standstill.reckoned.align(setup)
         log = NodeLog(setup, self._heard, self._aiding)
         self.graph = IncrementalGraph(log, self._lag, self._states.every_s)
 
@@ -256,7 +270,7 @@ class Smoother:
         graph = self.graph
         assert graph is not None
         times = self._heard.inertial.edge.rows[edges]
-        self._rocked(edges[0])
+        graph.log.rocking = self._rocking.until(edges[0], self._heard, graph.log.setup.noise.gyro)
         window = graph.window()
         self._states.follow(graph, window)
         growing = graph.grow(edges, self._states.now, window)
@@ -284,16 +298,3 @@ class Smoother:
         times, first = self.graph.log.time.rows, self._left
         self._left = max(int(np.searchsorted(times, now - self._lag, side="right")), first)
         return [self._known(node, past=True) for node in range(first, self._left)]
-
-    def _rocked(self, edge: int) -> None:
-        """How far the vehicle rocks at standstill, of the rests until this edge."""
-        still, graph = self._heard.rest.still.rows, self.graph
-        assert graph is not None
-        if edge == 0 or not still[edge - 1]:
-            return
-        moving = np.flatnonzero(still[:edge] == 0)
-        first = int(moving[-1]) + 1 if len(moving) else 0
-        inc = self._heard.inertial.between(first, edge)
-        self._rocking[first] = rocking(inc, inc.edge[None, [0, -1]], graph.log.setup.noise.gyro)
-        usual = np.median(list(self._rocking.values()), axis=0)
-        graph.log.rocking = usual
