@@ -8,20 +8,20 @@ from graphnav.common.remark import Remark
 from graphnav.common.run import Array
 from graphnav.result.solved import Solved
 
-MISCLAIMED = 5.0  # times, either way
+MISCLAIMED = 5.0  # times the claimed deviation
 AWAY_M = 20.0  # of [start] from where the fixes put the start; less may be an antenna or a datum
 SPANS_TOLD = 6
 HORIZONTAL = ("east", "north")
 
 
 def of_fix_deviations(solved: Solved) -> list[Remark]:
-    """Fixes that scatter otherwise than they claim."""
+    """Fixes that scatter far more than they claim; less is usual, for errors that last."""
     said = []
     for block, _ in of_kind(solved, kinds.GNSS):
         if block.sigma is not None and solved.run.gnss is not None and len(block.time) >= FEW:
             found = float(scatter((block.residual * block.sigma)[:, :2]).max())
             claimed = float(np.median(solved.run.gnss.sd_enu[:, :2]))
-            if not 1 / MISCLAIMED < found / claimed < MISCLAIMED:
+            if found > MISCLAIMED * claimed:
                 said.append(
                     Remark(
                         f"the fixes scatter by {found:.2g} m and claim an sd of {claimed:.2g} m",
