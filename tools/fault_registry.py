@@ -31,6 +31,7 @@ class Drive:
     turn: int  # a row of the sharpest turn
     per_pulse: float  # m
     rate: float  # Hz
+    truth: pd.DataFrame
 
     @property
     def time(self) -> Array:

@@ -15,8 +15,10 @@ from collections import Counter
 from pathlib import Path
 
 import fault_kinds_clock
+import fault_kinds_fixes
 import fault_kinds_odometer
 import fault_kinds_samples
+import fault_kinds_users
 import numpy as np
 import pandas as pd
 from fault_registry import FAULTS, Drive, Fault
@@ -28,7 +30,10 @@ from smoothed_runs import NoResult, Result, smoothed
 
 from graphnav.reading.vehicle_file import load_vehicle
 
-KINDS = (fault_kinds_samples, fault_kinds_clock, fault_kinds_odometer)
+KINDS = (
+    fault_kinds_samples, fault_kinds_clock, fault_kinds_odometer, fault_kinds_users,
+    fault_kinds_fixes,
+)  # fmt: skip
 BASES = {
     "wheeled": ("wheeled", "navigation", True),
     "mems": ("wheeled", "mems", True),
@@ -100,7 +105,7 @@ def drive_of(folder: Path, truth: pd.DataFrame, seed: int) -> Drive:
     rate = 1 / float(np.median(np.diff(table["time"])))
     return Drive(
         table, (folder / "vehicle.toml").read_text(), np.random.default_rng(seed),
-        int(at[0]), int(at[1]), vehicle.odometer.metres_per_pulse or 0.0, rate,
+        int(at[0]), int(at[1]), vehicle.odometer.metres_per_pulse or 0.0, rate, truth,
     )  # fmt: skip
 
 
