@@ -137,6 +137,25 @@ MUTANTS = [
         ("delay sign of velocity", "scope.time + delay_of", "scope.time - delay_of"),
     ),
     *_of(
+        "graphnav/graph/noise.py",
+        "noise",
+        (
+            "noise: correlation dropped",
+            "ratio = 1 + 2 * np.sum(taper",
+            "ratio = 1 + 0 * np.sum(taper",
+        ),
+        ("noise: redundancy dropped", "out[k] = 1 - np.einsum", "out[k] = 1 - 0 * np.einsum"),
+    ),
+    *_of(
+        "graphnav/graph/motion.py",
+        "running_gear",
+        (
+            "noise: sigma T for sqrt(T)",
+            "kinds.DISPLACEMENT) * np.sqrt(T)",
+            "kinds.DISPLACEMENT) * (T)",
+        ),
+    ),
+    *_of(
         "graphnav/graph/assembly.py",
         "running_gear incremental",
         (

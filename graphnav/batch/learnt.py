@@ -1,5 +1,7 @@
 """Calibrations as they are told: in the field's units, with what the run could not determine."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from factors.calibration import (
@@ -18,6 +20,7 @@ from factors.calibration import (
     lateral_of,
 )
 from graphnav.batch.smoother import Smoothed
+from graphnav.common.run import Array
 from graphnav.graph.calibrations import COMMON_SHARE, DEG_H, MG
 from graphnav.result.solved import Calibrated
 
@@ -27,66 +30,83 @@ ASTRAY = 3.0  # deviations, of fixes and of what is known of their common error
 LATE_S = 0.05  # of fixes, that is worth telling
 
 
+@dataclass(frozen=True)
+class _Entry:
+    """Columns of the calibration vector as they are told together."""
+
+    name: str
+    unit: str
+    parts: tuple[str, ...]
+    columns: list[int]
+    per: float = 1.0  # of the column's unit, one of `unit`
+
+
 def calibrated(smoothed: Smoothed) -> list[Calibrated]:
     """Every calibration of a run with its standard deviation and prior."""
-    prep, nodes = smoothed.prep, smoothed.problem.nodes
-    layout, chain = prep.setup.layout, smoothed.estimate.calibration
     sd = np.sqrt(np.einsum("kii->ki", smoothed.covariances.calibration))
-    out: list[Calibrated] = []
+    entries = [*_of_sensors(smoothed), *_of_ground(smoothed)]
+    return [_calibrated(smoothed, sd, entry) for entry in entries]
 
-    def add(name: str, unit: str, parts: tuple[str, ...], columns: list[int], per: float) -> None:
-        walk, prior_sd = layout.walk[columns], layout.prior_sd[columns]
-        constant = bool(np.all(walk <= 1e-5 * prior_sd))
-        rows = slice(-1, None) if constant else slice(None)
-        one = 1.0 if name == "odometer_scale" else 0.0
-        out.append(
-            Calibrated(
-                name=name,
-                unit=unit,
-                components=parts,
-                constant=constant,
-                time=nodes.segment_time[rows],
-                value=one + chain[rows][:, columns] / per,
-                sd=sd[rows][:, columns] / per,
-                prior=one + layout.prior[columns] / per,
-                prior_sd=prior_sd / per,
-            )
-        )
 
-    def of(name: str) -> list[int]:
-        span = layout.slices[name]
-        return list(range(span.start, span.stop))
+def _calibrated(smoothed: Smoothed, sd: Array, entry: _Entry) -> Calibrated:
+    """`sd` (K, dim) of all segments and columns."""
+    layout, columns, per = smoothed.prep.setup.layout, entry.columns, entry.per
+    prior_sd = layout.prior_sd[columns]
+    constant = bool(np.all(layout.walk[columns] <= 1e-5 * prior_sd))
+    rows = slice(-1, None) if constant else slice(None)
+    one = 1.0 if entry.name == "odometer_scale" else 0.0
+    return Calibrated(
+        name=entry.name,
+        unit=entry.unit,
+        components=entry.parts,
+        constant=constant,
+        time=smoothed.problem.nodes.segment_time[rows],
+        value=one + smoothed.estimate.calibration[rows][:, columns] / per,
+        sd=sd[rows][:, columns] / per,
+        prior=one + layout.prior[columns] / per,
+        prior_sd=prior_sd / per,
+    )
 
-    add("gyro_bias_deg_h", "deg/h", XYZ, of(GYRO_BIAS), DEG_H)
-    add("accel_bias_mg", "mg", XYZ, of(ACCEL_BIAS), MG)
-    if prep.sensed.run.odometer is not None:
-        add("odometer_scale", "1", ("scale",), of(SCALE), 1.0)
-    add("mounting_deg", "deg", ("pitch", "heading"), of(MOUNTING), DEG)
-    add("lever_arm_m", "m", XYZ, of(LEVER), 1.0)
-    if DELAY in layout.slices and prep.sensed.run.odometer is not None:
-        add("time_offset_s", "s", ("odometer",), of(DELAY), 1.0)
-    if CORNERING in layout.slices:
-        add("cornering_slip_s", "s", ("tyres",), of(CORNERING), 1.0)
-    if ANTENNA in layout.slices:
-        add("antenna_lever_arm_m", "m", XYZ, of(ANTENNA), 1.0)
-        add("gnss_offset_m", "m", ("east", "north", "up"), of(GNSS_OFFSET), 1.0)
-    if GNSS_DELAY in layout.slices:
-        add("gnss_time_offset_s", "s", ("fixes",), of(GNSS_DELAY), 1.0)
-    if TRACK_WIDTH in layout.slices:
-        add("effective_track_width_m", "m", ("width",), of(TRACK_WIDTH), 1.0)
-    driven = set(smoothed.problem.state)
-    for of_state, name, unit in (
-        (forward_of, "forward_factor", "1"),
-        (lateral_of, "lateral_offset_m", "m"),
+
+def _of_sensors(smoothed: Smoothed) -> list[_Entry]:
+    """Biases, odometer, antenna: those that the run's layout has."""
+    layout = smoothed.prep.setup.layout
+    counted = smoothed.prep.sensed.run.odometer is not None
+    entries = [
+        (GYRO_BIAS, "gyro_bias_deg_h", "deg/h", XYZ, DEG_H),
+        (ACCEL_BIAS, "accel_bias_mg", "mg", XYZ, MG),
+        (SCALE if counted else "", "odometer_scale", "1", ("scale",), 1.0),
+        (MOUNTING, "mounting_deg", "deg", ("pitch", "heading"), DEG),
+        (LEVER, "lever_arm_m", "m", XYZ, 1.0),
+        (DELAY if counted else "", "time_offset_s", "s", ("odometer",), 1.0),
+        (CORNERING, "cornering_slip_s", "s", ("tyres",), 1.0),
+        (ANTENNA, "antenna_lever_arm_m", "m", XYZ, 1.0),
+        (GNSS_OFFSET, "gnss_offset_m", "m", ("east", "north", "up"), 1.0),
+        (GNSS_DELAY, "gnss_time_offset_s", "s", ("fixes",), 1.0),
+        (TRACK_WIDTH, "effective_track_width_m", "m", ("width",), 1.0),
+    ]
+    every = np.arange(layout.dim)
+    return [
+        _Entry(name, unit, parts, every[layout.slices[component]].tolist(), per)
+        for component, name, unit, parts, per in entries
+        if component in layout.slices
+    ]
+
+
+def _of_ground(smoothed: Smoothed) -> list[_Entry]:
+    """What the odometer means in the motion states that the run went through."""
+    setup, driven = smoothed.prep.setup, set(smoothed.problem.state)
+    length = setup.vehicle.body.contact_length
+    out = []
+    for of_state, name, unit, per in (
+        (forward_of, "forward_factor", "1", 1.0),
+        (lateral_of, "lateral_offset_m", "m", 1.0),
+        (lateral_of, "kappa", "1", length),
     ):
-        states = [s for s in prep.setup.table if of_state(s) in layout.slices and s in driven]
+        states = [s for s in setup.table if of_state(s) in setup.layout.slices and s in driven]
         if states:
-            add(name, unit, tuple(states), [layout.column(of_state(s)) for s in states], 1.0)
-    laterals = [c for c in out if c.name == "lateral_offset_m"]
-    if laterals:
-        add("kappa", "1", laterals[0].components,
-            [layout.column(lateral_of(s)) for s in laterals[0].components],
-            prep.setup.vehicle.body.contact_length)  # fmt: skip
+            columns = [setup.layout.column(of_state(s)) for s in states]
+            out.append(_Entry(name, unit, tuple(states), columns, per))
     return out
 
 
