@@ -196,16 +196,16 @@ def of_start(solved: Solved) -> list[Remark]:
     """A stated heading that the run contradicts."""
     said = []
     source = solved.solver.get("heading_source", "at the start")
-    for block, _ in of_kind(solved, kinds.START):
+    for block, _ in of_kind(solved, kinds.START_HEADING):
         assert block.sigma is not None
-        sigmas, off = np.abs(block.residual[0]), np.abs(block.residual[0] * block.sigma[0])
-        if sigmas[2] > STATED:
+        sigma, off = abs(block.residual[0, 0]), abs(block.residual[0, 0] * block.sigma[0, 0])
+        if sigma > STATED:
             said.append(
-                Remark(
-                    f"the heading {source} disagrees with the run by {np.rad2deg(off[2]):.3g} deg, "
-                    f"{sigmas[2]:.1f} of its sigma",
+                Remark(  # fixes decide; without them it is one against the other
+                    f"the heading {source} disagrees with the run by {np.rad2deg(off):.3g} deg, "
+                    f"{sigma:.1f} of its sigma",
                     "correct or leave out [start] heading_deg, or state its heading_sd_deg",
-                    level=int(sigmas[2] > SURPRISING),
+                    level=int(sigma > SURPRISING and solved.run.gnss is None),
                 )
             )
     return said

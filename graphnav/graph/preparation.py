@@ -15,6 +15,7 @@ from graphnav.graph import calibrations
 from graphnav.graph.nodes import INTERVAL_S
 from graphnav.inertial.alignment import Alignment, align
 from graphnav.inertial.fix_delay import found_delay
+from graphnav.inertial.heading_sources import STATED
 from graphnav.inertial.increments import GRID_S, increments
 from graphnav.inertial.orientation import oriented
 from graphnav.inertial.quietness import within
@@ -101,7 +102,10 @@ def prepare(
     used = replace(lying.run, gnss=gnss)
     stands = standstill(inc, used, gnss, gyro_bias_sd(vehicle))
     alignment = align(used, vehicle, inc, standing_start(stands.rests, inc))
-    alignment = replace(alignment, told=(*lying.told, *alignment.told))
+    told = lying.told
+    if alignment.source != STATED:  # nothing rests on whose the stated heading is
+        told = tuple(replace(remark, level=0) for remark in told)
+    alignment = replace(alignment, told=(*told, *alignment.told))
     table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
     noise = inertial_noise(vehicle)
     fixes = fixes_in(alignment.origin, gnss)

@@ -1,6 +1,6 @@
 """One round's factor graph: nodes, sums and the functions that linearise every kind of factor."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,7 +21,9 @@ from graphnav.graph.motion import Factor, Round, Scales, States, motion_factors
 from graphnav.graph.nodes import Nodes, nearest_node
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.satellite_fixes import satellite_fixes
+from graphnav.inertial.alignment import LOOSE_HEADING
 from graphnav.inertial.carried import HORIZONTAL, VERTICAL
+from graphnav.inertial.heading_sources import STATED
 from graphnav.inertial.quietness import Mask
 from graphnav.recognition.timeline import Timeline
 
@@ -84,14 +86,17 @@ def build(
 
 
 def _start(prep: Prepared, nodes: Nodes) -> Factor:
-    """What is known of the first node; a stated heading of the vehicle's as one of its mounting."""
+    """What is known of the first node; a stated heading as a factor that may be doubted."""
     known, t = prep.setup.alignment.start, float(nodes.time[0])
-    if not prep.setup.alignment.of_vehicle:
-        return lambda x: [initial_state(known, t, x)]
     spec, layout = prep.setup.vehicle.start, prep.setup.layout
-    assert spec.heading_deg is not None
+    if prep.setup.alignment.source != STATED or spec.heading_deg is None:
+        return lambda x: [initial_state(known, t, x)]
+    sd = known.sd.copy()
+    sd[2] = LOOSE_HEADING
+    known = replace(known, sd=sd)
     stated, sigma = np.deg2rad([[spec.heading_deg], [spec.heading_sd_deg]])
-    roll = float(prep.setup.vehicle.odometer.mount_b[1])
+    mount_b = prep.setup.vehicle.odometer.mount_b
+    roll = float(mount_b[1]) if spec.heading_of == "vehicle" else None
     bearing = Bearing(stated, sigma, roll, kinds.START_HEADING)
     scope = nodes.at(np.zeros(1, np.int64), nodes.time[:1])
     return lambda x: [initial_state(known, t, x), heading(bearing, layout, scope, x)]

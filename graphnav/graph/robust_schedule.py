@@ -12,6 +12,7 @@ FIRST = {
     kinds.GNSS: Robust("cauchy", 3.0),
     kinds.HEADING: Robust("cauchy", 3.0),
     kinds.STANDSTILL: Robust("huber", 3.0),
+    kinds.START_HEADING: Robust("cauchy", 3.0),
 }
 FINAL = {
     kinds.DISPLACEMENT: Robust("igg3", 2.5, 8.0),
@@ -19,5 +20,6 @@ FINAL = {
     kinds.GNSS: Robust("igg3", 2.0, 6.0),
     kinds.HEADING: Robust("igg3", 2.0, 6.0),
     kinds.STANDSTILL: Robust("igg3", 2.5, 8.0),
+    kinds.START_HEADING: Robust("igg3", 2.5, 8.0),
     kinds.SCALE_WALK: Robust("cauchy", 3.0),
 }

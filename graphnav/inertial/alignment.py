@@ -52,7 +52,6 @@ class Alignment:
     heading_sd: float = LOOSE_HEADING  # rad, of the evidence together
     path: PathHeading | None = None  # the reckoned path held against the fixes
     told: tuple[Remark, ...] = ()  # evidence that was outvoted
-    of_vehicle: bool = False  # the stated heading is the vehicle's: a factor of its own
 
     @property
     def heading(self) -> float:
@@ -91,8 +90,7 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
     start = InitialState(R_nb, np.zeros(3), p_0, np.repeat([LOOSE_TILT, LOOSE_SPEED, p_sd], 3))
     start.sd[2] = sd
     told = (*_told(found), *elsewhere, *_biased(bias, bias_sd))
-    of_vehicle = source == STATED and vehicle.start.heading_of == "vehicle"
-    return Alignment(origin, start, bias, source, found.sd, path, told, of_vehicle)
+    return Alignment(origin, start, bias, source, found.sd, path, told)
 
 
 def _rest(vehicle: Vehicle, rate_level: Array, seconds: float) -> Rest:

@@ -1,6 +1,7 @@
 """Pieces of evidence of the start heading, weighed by their sigmas and by how they agree.
 
-Each is Gaussian with a chance of being grossly wrong: `p(h) = (1 - e) N(h - h_i; sd_i) + e / 2 pi`.
+Each is Gaussian, with a chance of being careless by some degrees and of being grossly wrong:
+`p(h) = (1 - c - e) N(h - h_i; sd_i) + c N(h - h_i; CARELESS_SD) + e / 2 pi`.
 The heading of greatest product is taken, so that many weak pieces outvote a bold one that stands
 alone, and the order in which they came does not matter.
 """
@@ -11,6 +12,7 @@ import numpy as np
 
 AGREES = 3.0  # sigma of both together
 ROUNDS = 5
+CARELESS_SD = np.deg2rad(10.0)
 
 
 @dataclass(frozen=True)
@@ -21,6 +23,7 @@ class Evidence:
     sd: float  # rad
     source: str  # in words
     gross: float  # chance of being wrong altogether
+    careless: float = 0.0  # chance of being wrong by some degrees
 
     def apart(self, heading: float) -> float:
         """Signed difference from another heading [rad], at most half a turn."""
@@ -66,6 +69,12 @@ def _agreed(pieces: list[Evidence], heading: float) -> tuple[float, float]:
 def _log_probability(pieces: list[Evidence], heading: float) -> float:
     total = 0.0
     for p in pieces:
-        density = np.exp(-0.5 * (p.apart(heading) / p.sd) ** 2) / (p.sd * np.sqrt(2 * np.pi))
-        total += float(np.log((1 - p.gross) * density + p.gross / (2 * np.pi)))
+        off = p.apart(heading)
+        usual = (1 - p.gross - p.careless) * _normal(off, p.sd)
+        loose = p.careless * _normal(off, max(CARELESS_SD, p.sd))
+        total += float(np.log(usual + loose + p.gross / (2 * np.pi)))
     return total
+
+
+def _normal(x: float, sd: float) -> float:
+    return float(np.exp(-0.5 * (x / sd) ** 2) / (sd * np.sqrt(2 * np.pi)))

@@ -20,6 +20,7 @@ SENSED_S = 600.0  # of the run over which the gyro carries the sensed headings t
 # chance of being grossly wrong: people turn the sign or mean another axis; sensors sit askew; a
 # path of many slots is what all sensors say together
 STATED_GROSS, SENSED_GROSS, COMPASS_GROSS, PATH_GROSS = 0.02, 0.02, 1e-3, 1e-6
+CARELESS = 0.4  # chance that what people state or mount is wrong by some degrees
 STATED, SENSED, COMPASS, PATH = (
     "stated in [start]", "external heading", "gyrocompass", "satellite course",
 )  # fmt: skip
@@ -90,7 +91,7 @@ def evidence(
 
     if stated.heading_deg is not None:
         heading, sd = np.deg2rad([stated.heading_deg, stated.heading_sd_deg])
-        piece = Evidence(float(heading), float(sd), STATED, STATED_GROSS)
+        piece = Evidence(float(heading), float(sd), STATED, STATED_GROSS, CARELESS)
         found.append(of_imu(piece) if stated.heading_of == "vehicle" else piece)
     if run.heading is not None:
         piece = _sensed(run, turning, path)
@@ -125,4 +126,4 @@ def _sensed(run: Run, turning: Turning, path: PathHeading | None) -> Evidence:
     weight = np.full(int(on.sum()), SENSED_SD**-2.0)
     line = angle_line(phasor, time[on], weight, turning.bias_sd)
     # samples share what the sensor's mounting is off by
-    return Evidence(line.angle, float(np.hypot(line.sd, SENSED_SD)), SENSED, SENSED_GROSS)
+    return Evidence(line.angle, float(np.hypot(line.sd, SENSED_SD)), SENSED, SENSED_GROSS, CARELESS)

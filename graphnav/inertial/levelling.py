@@ -55,9 +55,11 @@ def tilting_bias(inc: Increments, speed: Array | None, bias_sd: float) -> Array:
 
     From slot to slot gravity turns in the body as the gyro says, `w = dR^T u`, but for its bias:
     `u' = w + T b x w`. Zero where the bias found is within `SIGNIFICANT` sigma of none, or
-    no `speed` tells the centripetal force; about the vertical gravity tells nothing.
+    no `speed` tells the centripetal force, or an axis was not recorded; about the vertical gravity
+    tells nothing.
     """
-    if speed is None:
+    recorded = bool((np.ptp(inc.rotation, axis=0) > 0).all())
+    if speed is None or not recorded:
         return np.zeros(3)
     edges = np.searchsorted(inc.edge, np.arange(inc.edge[0], inc.edge[-1], SLOT_S))
     edges = np.unique(edges)
