@@ -22,6 +22,7 @@ CURES: dict[str, tuple[str, str]] = {  # kind -> what it comes from, what to lea
     kinds.TRACK_WIDTH: ("the side speeds", "blank odo_left and odo_right there"),
     kinds.GNSS: ("the fixes", "withhold them with --outage START:END, or all with --no-gnss"),
     kinds.HEADING: ("the heading sensor", "blank heading_deg there"),
+    kinds.START_HEADING: ("[start]", "leave out [start] heading_deg"),
     kinds.START: ("[start]", "state larger position_sd_m and heading_sd_deg under [start]"),
 }
 WHEELS = ("the wheels", "blank their cells there")

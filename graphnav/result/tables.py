@@ -20,6 +20,7 @@ NOT_MEASURED = (  # what ties states, said by no sensor
     kinds.CALIBRATION_WALK,
     kinds.SCALE_WALK,
     kinds.START,
+    kinds.START_HEADING,
 )
 
 
