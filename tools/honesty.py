@@ -89,6 +89,12 @@ def scenario(name: str, use_gnss: bool, options: argparse.Namespace) -> dict[str
     return {"figures": figures, "failed": failed}
 
 
+def figured(figures: dict[str, Any]) -> str:
+    """z of every kind in one line, for who waits."""
+    each = (f"{way} {k} {f['z']:.2f}" for way, kinds in figures.items() for k, f in kinds.items())
+    return ", ".join(each)
+
+
 def row(table: Table, title: tuple[str, str, str], kinds: dict[str, Any]) -> None:
     """One line of the table; what is asked and not given is bold."""
     cells = []
@@ -126,6 +132,9 @@ def main() -> None:
                 continue  # has none
             fixes = "yes" if use_gnss else "no"
             found = everything[f"{name}, fixes: {fixes}"] = scenario(name, use_gnss, options)
+            print(
+                f"{name}, fixes: {fixes}: {figured(found['figures'])}", file=sys.stderr, flush=True
+            )
             for way, kinds in found["figures"].items():
                 row(table, (name, fixes, way), kinds)
             for said in found["failed"]:

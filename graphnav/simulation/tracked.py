@@ -13,7 +13,7 @@ from graphnav.simulation.ground import Roughness
 from graphnav.simulation.legs import Commands, Leg, commands, cut, eased
 from graphnav.simulation.slip import slipping
 
-DURATION = 4000.0  # s
+DURATION, FIELD_DURATION = 4000.0, 900.0  # s
 GAUGE, CONTACT, LOW_GEAR = 2.80, 3.84, 1.42  # B m, L m, ratio
 R_ARC = 1.549 * 2.88 * GAUGE  # m, A13
 FAST_SHARE = 0.3  # of the manoeuvres are followed by a fast straight
@@ -55,8 +55,9 @@ def drive_field(options: Options) -> Driven:
 def drive(options: Options, field: Field | None = None) -> Driven:
     """One run, noise-free. Raises InputError on an unknown ground."""
     ground = _ground(options)
-    legs = cut(_legs(stream(options.seed, "plan")), options.duration or DURATION)
-    time = clock(options, options.duration or DURATION)
+    duration = options.duration or (FIELD_DURATION if field else DURATION)
+    legs = cut(_legs(stream(options.seed, "plan")), duration)
+    time = clock(options, duration)
     moves = commands(time, legs, SPEED_EASE, YAW_EASE, field.halt_ease if field else 0.0)
     sideways = -ground.kappa * CONTACT * moves.yaw_rate
     setup = _setup(stream(options.seed, "mounting"), options)
