@@ -50,6 +50,12 @@ class Block:
     terms: tuple[Term, ...]
     robust: bool = False  # whether its rows may be down-weighted
     sigma: Array | None = None  # (n, r), what a whitened residual of 1 is in the factor's unit
+    inflation: Array | None = None  # (n, r), sigma over the errors' spread, where errors last
+
+    @property
+    def standardised(self) -> Array:
+        """Residuals in units of their errors' spread, (n, r): what robust weights see (D3)."""
+        return self.residual if self.inflation is None else self.residual * self.inflation
 
     def weighted(self, weight: Array) -> "Block":
         """The same block with every row scaled by the root of its weight (n, r)."""

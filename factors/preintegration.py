@@ -35,10 +35,12 @@ class Increments:
 
 @dataclass(frozen=True)
 class InertialNoise:
-    """White noise of the sensors."""
+    """White noise of the sensors, by axis of b and by interval where it differs: broadcast to
+    (n, 3).
+    """
 
-    gyro: float  # rad/sqrt(s)
-    accel: float  # m/s/sqrt(s)
+    gyro: Array | float  # rad/sqrt(s)
+    accel: Array | float  # m/s/sqrt(s)
 
 
 @dataclass(frozen=True)
@@ -147,32 +149,35 @@ def doubt_of(inc: Increments, nodes: Index) -> Array:
 
 
 def _densities(inc: Increments, nodes: Index, noise: InertialNoise) -> tuple[Array, Array]:
-    """Squared noise densities of gyro and accelerometer in each interval, gaps spread over it."""
+    """Squared noise densities of gyro and accelerometer in each interval, gaps spread over it,
+    (n, 3) each.
+    """
     lost = doubt_of(inc, nodes) ** 2 / np.diff(inc.edge[nodes])[:, None]
-    return noise.gyro**2 + lost[:, 0], noise.accel**2 + lost[:, 1]
+    return np.square(noise.gyro) + lost[:, :1], np.square(noise.accel) + lost[:, 1:]
 
 
 def _whitening(T: Array, f: Array, jump: Array, density: tuple[Array, Array]) -> Array:
     """Inverse Cholesky factor of the covariance of [theta, v, p] after T, in the frame of node i.
 
-    `density` (n,) each: squared noise of gyro and accelerometer. With w a Wiener process of angle
+    `density` (n, 3) each: squared noise of gyro and accelerometer. With w a Wiener process of angle
     and f the mean specific force, theta = w(T), v = -[f]x int w + white, p = -[f]x iint w +
     int white; the moments of w are exact.
     """
     n = len(T)
     F = -so3.skew(f)
     Ft = so3.transpose(F)
-    eye = np.eye(3)
 
     def c(x: Array) -> Array:
         return x[:, None, None]
 
-    g2, a2 = c(density[0]), c(density[1])
+    gyro, accel = (np.broadcast_to(x, (n, 3))[:, :, None] * np.eye(3) for x in density)
+    FG = F @ gyro
+    FGF = FG @ Ft
     cov = np.empty((n, 9, 9))
-    cov[:, THETA, THETA] = g2 * c(T) * eye
-    cov[:, V, THETA] = g2 * c(T**2 / 2) * F
-    cov[:, P, THETA] = g2 * c(T**3 / 6) * F
-    cov[:, V, V] = g2 * c(T**3 / 3) * (F @ Ft) + a2 * c(T) * eye
-    cov[:, P, V] = g2 * c(T**4 / 8) * (F @ Ft) + a2 * c(T**2 / 2) * eye
-    cov[:, P, P] = g2 * c(T**5 / 20) * (F @ Ft) + (a2 * c(T**3 / 3) + c(jump**2)) * eye
+    cov[:, THETA, THETA] = c(T) * gyro
+    cov[:, V, THETA] = c(T**2 / 2) * FG
+    cov[:, P, THETA] = c(T**3 / 6) * FG
+    cov[:, V, V] = c(T**3 / 3) * FGF + c(T) * accel
+    cov[:, P, V] = c(T**4 / 8) * FGF + c(T**2 / 2) * accel
+    cov[:, P, P] = c(T**5 / 20) * FGF + c(T**3 / 3) * accel + c(jump**2) * np.eye(3)
     return np.linalg.inv(np.linalg.cholesky(cov))  # only the lower triangle is read

@@ -132,7 +132,6 @@ def solve(
         vehicle,
         use_gnss=use_gnss,
         outages=outages,
-        rate_hz=options.rate_hz,
         interval=1 / options.nodes_hz,
     )
     if options.mode == "incremental":

@@ -14,7 +14,7 @@ from graphnav.graph.densify import Path, densify
 from graphnav.graph.elimination import Covariances, covariances
 from graphnav.graph.kinematics import kinematics
 from graphnav.graph.nodes import Nodes, near_fixes, place_nodes
-from graphnav.graph.noise import rescaled
+from graphnav.graph.noise import Scales, rescaled
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.problem import Problem, build
 from graphnav.graph.robust_schedule import FINAL, FIRST, Weights
@@ -22,9 +22,10 @@ from graphnav.graph.solve import FINE, ROUGH, Solution, gauss_newton
 from graphnav.recognition.motion_states import recognise, with_probabilities
 from graphnav.recognition.timeline import Timeline, disagreement, timeline_from_states
 
-MIN_ROUNDS, MAX_ROUNDS = 3, 5
+MIN_ROUNDS, MAX_ROUNDS = 3, 12
 FIRST_INTERVAL_S = 2.0  # the first round only has to be near enough for the states
 SAME_TIMELINE = 0.002  # share of time that may still change its state
+SAME_PLACE, SAME_SD = 0.3, 0.15  # sigmas that a node may move; of their logarithm, to have settled
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,8 @@ def smooth_batch(
     """Smooth a run; `progress` hears the name of each stage as it begins.
 
     `robust` holds the weight functions by factor kind of the first round and of the later ones:
-    convex first, redescending once the trajectory is near (a graduated schedule).
+    convex first, redescending once the trajectory is near (a graduated schedule). The rounds end
+    when motion states, noise and places have settled.
     """
     progress("dead reckoning")
     nodes = _nodes(prep, np.zeros(0), prep.setup.interval)
@@ -64,46 +66,75 @@ def smooth_batch(
     estimate, path, reckoned = first.estimate, first.path, first.reckoned
     progress("motion states")
     timeline = _recognised(prep, path, estimate, None)
-    iterations = 0
     scales: dict[str, float] = {}
-    stands = False
+    stands, last, iterations = False, False, 0
+    before: Iterate | None = None
     for round_ in range(1, MAX_ROUNDS + 1):
-        interval = (
-            max(FIRST_INTERVAL_S, prep.setup.interval) if round_ == 1 else prep.setup.interval
-        )
+        last = last or round_ == MAX_ROUNDS
+        interval = max(FIRST_INTERVAL_S if round_ == 1 else 0.0, prep.setup.interval)
         nodes_next = _nodes(prep, timeline.boundaries, interval)
         estimate = _moved(estimate, nodes, path, nodes_next)
-        nodes = nodes_next
-        progress(f"graph, round {round_}")
-        problem = build(prep, nodes, timeline, estimate, scales)
-        progress(f"solve, round {round_}")
-        last = (round_ >= MIN_ROUNDS and stands) or round_ == MAX_ROUNDS
-        weights, tolerance = robust[round_ > 1], FINE if last else ROUGH
-        solution = gauss_newton(problem.linearise, estimate, problem.order, weights, tolerance)
-        iterations += solution.iterations
-        estimate = solution.estimate
-        path = densify(prep.sensed.inc, problem.pre, nodes, estimate, prep.setup.alignment.origin)
-        progress(f"covariances, round {round_}")
-        found = covariances(solution.bayes_net, problem.order)
+        progress(f"round {round_}")
+        problem = build(prep, nodes_next, timeline, estimate, scales)
+        now = _iterate(prep, problem, estimate, robust[round_ > 1], FINE if last else ROUGH)
+        iterations += now.solution.iterations
+        nodes, estimate, path = nodes_next, now.solution.estimate, now.path
         if last:
             break
         if not stands:
-            progress(f"motion states, round {round_}")
             again = _recognised(prep, path, estimate, nodes)
             stands = disagreement(timeline, again) < SAME_TIMELINE
             timeline = again
-        scales = rescaled(scales, solution.blocks, problem.groups, found.joints)
-        scales |= found_common(
-            solution.blocks, prep.setup.layout, estimate, position_variance(found), scales
-        )
+        last = round_ + 1 >= MIN_ROUNDS and stands and before is not None and now.settled(before)
+        before = now
+        scales = _rescaled(scales, now, problem, prep)
     progress("state probabilities")
     if _has_gears(prep):
-        timeline = with_probabilities(
-            timeline, kinematics(prep, path, estimate, nodes), prep.setup.params
-        )
+        motion = kinematics(prep, path, estimate, nodes)
+        timeline = with_probabilities(timeline, motion, prep.setup.params)
     return Smoothed(
-        prep, problem, solution, timeline, found, reckoned, path, scales, iterations, round_
-    )
+        prep, problem, now.solution, timeline, now.covariances, reckoned, path, scales,
+        iterations, round_,
+    )  # fmt: skip
+
+
+def _rescaled(scales: Scales, now: "Iterate", problem: Problem, prep: Prepared) -> dict[str, float]:
+    """The noise found in a round, and what its fixes have in common."""
+    blocks, estimate = now.solution.blocks, now.solution.estimate
+    found = rescaled(scales, blocks, problem.noise, now.covariances.joints)
+    usual = position_variance(now.covariances)
+    return found | found_common(blocks, prep.setup.layout, estimate, usual, scales)
+
+
+@dataclass(frozen=True)
+class Iterate:
+    """Where one round ended."""
+
+    solution: Solution
+    path: Path
+    covariances: Covariances
+
+    def settled(self, before: "Iterate") -> bool:
+        """Whether another round would hardly move the nodes or change their deviations."""
+        p, q = self.solution.estimate.p_n, before.solution.estimate.p_n
+        if p.shape != q.shape:
+            return False
+        sd, was = (
+            np.sqrt(np.einsum("nii->ni", x.covariances.nodes[:, POSITION, POSITION]))
+            for x in (self, before)
+        )
+        ratio = np.abs(np.log(np.median(sd, axis=0) / np.median(was, axis=0)))
+        return bool((np.abs(p - q) < SAME_PLACE * sd).all() and (ratio < SAME_SD).all())
+
+
+def _iterate(
+    prep: Prepared, problem: Problem, estimate: Estimate, weights: Weights, tolerance: float
+) -> Iterate:
+    """Solve one round's problem from an estimate."""
+    solution = gauss_newton(problem.linearise, estimate, problem.order, weights, tolerance)
+    origin = prep.setup.alignment.origin
+    path = densify(prep.sensed.inc, problem.pre, problem.nodes, solution.estimate, origin)
+    return Iterate(solution, path, covariances(solution.bayes_net, problem.order))
 
 
 def position_variance(found: Covariances) -> Array:

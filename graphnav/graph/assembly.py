@@ -32,6 +32,7 @@ class IntervalRows:
     b: Array  # (R,)
     start: Index  # (W + 1,) first row of each interval
     doubt: NDArray[np.int8]  # (R,) which of `robust` weighs a row, 0 for none
+    inflation: Array  # (R,) sigma over the errors' spread, which is what weights see
     robust: tuple[Robust, ...] = ()  # number 1, 2 ...
 
     @property
@@ -43,17 +44,18 @@ class IntervalRows:
         """Those of intervals `first` to `end - 1`."""
         on = slice(int(self.start[first]), int(self.start[end]))
         start = self.start[first : end + 1] - self.start[first]
-        return IntervalRows(self.A[on], self.b[on], start, self.doubt[on], self.robust)
+        return replace(
+            self, A=self.A[on], b=self.b[on], start=start, doubt=self.doubt[on],
+            inflation=self.inflation[on],
+        )  # fmt: skip
 
     def weighted(self, residual: Array) -> "IntervalRows":
         """Robust rows scaled by the root of their weight at whitened residuals (R,)."""
         root = np.ones_like(self.b)
         for k, robust in enumerate(self.robust, start=1):
             on = self.doubt == k
-            root[on] = np.sqrt(robust.weight(residual[on]))
-        return IntervalRows(
-            self.A * root[:, None], self.b * root, self.start, self.doubt, self.robust
-        )
+            root[on] = np.sqrt(robust.weight(residual[on] * self.inflation[on]))
+        return replace(self, A=self.A * root[:, None], b=self.b * root)
 
     def surprise(self, x: Array, P: Array, c: Array) -> Array:
         """Residuals (R,) of a single interval over the sigma expected of them, with node i at `x`
@@ -121,7 +123,7 @@ def stacked(
         count += np.bincount(owner, minlength=intervals) * block.residual.shape[1]
     start = np.concatenate([[0], np.cumsum(count)])
     A, b = np.zeros((start[-1], 2 * NODE_DIM + dim)), np.empty(start[-1])
-    doubt = np.zeros(start[-1], np.int8)
+    doubt, inflation = np.zeros(start[-1], np.int8), np.ones(start[-1])
     doubted: list[Robust] = []
     used = start[:-1].copy()
     for block, (on, owner) in zip(on_nodes, picks, strict=True):
@@ -134,6 +136,8 @@ def stacked(
         if block.robust and robust and block.kind in robust:
             doubted.append(robust[block.kind])
             doubt[row] = len(doubted)
+        if block.inflation is not None:
+            inflation[row] = block.inflation[on]
         for term in block.terms:
             if term.family == "c":
                 assert np.array_equal(term.index[on], segment[owner]), (
@@ -145,7 +149,7 @@ def stacked(
                 assert np.isin(which, (0, 1)).all(), f"{block.kind}: nodes that are not neighbours"
                 column = which * NODE_DIM
                 A[row[:, :, None], column[:, None, None] + np.arange(NODE_DIM)] = term.jacobian[on]
-    return IntervalRows(A, b, start, doubt, tuple(doubted))
+    return IntervalRows(A, b, start, doubt, inflation, tuple(doubted))
 
 
 @cache

@@ -16,7 +16,7 @@ from graphnav.graph.nodes import INTERVAL_S
 from graphnav.inertial.alignment import Alignment, align
 from graphnav.inertial.fix_delay import found_delay
 from graphnav.inertial.heading_sources import STATED
-from graphnav.inertial.increments import GRID_S, increments
+from graphnav.inertial.increments import increments
 from graphnav.inertial.orientation import oriented
 from graphnav.inertial.quietness import within
 from graphnav.inertial.reckoning import inertial_path
@@ -84,7 +84,6 @@ def prepare(
     *,
     use_gnss: bool,
     outages: Outages,
-    rate_hz: float = 10.0,
     interval: float = INTERVAL_S,
     table: dict[str, Correction] | None = None,
 ) -> Prepared:
@@ -94,7 +93,7 @@ def prepare(
     """
     if run.imu is None:
         raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
-    inc = increments(run.imu, min(GRID_S, 1 / rate_hz))
+    inc = increments(run.imu)
     gnss = in_use(run, vehicle, use_gnss, outages)
     lying = oriented(replace(run, gnss=gnss), vehicle, inc)
     vehicle, inc = lying.vehicle, lying.inc
@@ -115,7 +114,7 @@ def prepare(
     if run.odometer is None:
         kept = believable(stands.rests, *_reckoned_speed(inc, setup))
         stands = replace(stands, still=within(inc.edge, kept))
-    rock = rocking(inc, stands.rests, noise.gyro)
+    rock = rocking(inc, stands.rests, float(np.max(noise.gyro)))
     return Prepared(setup, Sensed(used, inc, stands, fixes, rock))
 
 

@@ -17,9 +17,12 @@ from factors.standstill import StandstillNoise, standstill
 from graphnav.common.earth import Origin
 from graphnav.graph.common_error import common_layout
 from graphnav.graph.elimination import EliminationOrder
-from graphnav.graph.motion import Factor, Round, Scales, States, motion_factors
+from graphnav.graph.inertial_noise import density, inertial_noise
+from graphnav.graph.motion import motion_factors
 from graphnav.graph.nodes import Nodes, nearest_node
+from graphnav.graph.noise import Parts, Scales, States
 from graphnav.graph.preparation import Prepared
+from graphnav.graph.round import Factor, Round
 from graphnav.graph.satellite_fixes import satellite_fixes
 from graphnav.inertial.alignment import LOOSE_HEADING
 from graphnav.inertial.carried import HORIZONTAL, VERTICAL
@@ -44,7 +47,7 @@ class Problem:
     pre: Preintegrated
     resting: Index  # intervals at standstill
     state: States  # (N - 1,) motion state of each interval
-    groups: dict[str, States]  # by factor kind, the state each of its factors belongs to
+    noise: dict[str, Parts]  # by factor kind, what the errors of its rows are sums of
 
     def linearise(self, estimate: Estimate) -> list[Block]:
         """Every block at an estimate."""
@@ -56,13 +59,14 @@ def build(
 ) -> Problem:
     """Integrate with the biases and the delay of `at` and assemble all factors."""
     seg, setup = nodes.segment, prep.setup
-    bias = at.calibration[seg, setup.layout.bias]
-    pre = preintegrate(prep.sensed.inc, nodes.edge, bias, setup.noise)
     owner = interval_of_increment(nodes.edge)
     count = np.bincount(owner, minlength=len(seg))
     stands = prep.sensed.standstill
     resting = np.flatnonzero(np.bincount(owner, stands.still, len(seg)) / count > 0.999)
     carried = np.stack([np.bincount(owner, on, len(seg)) > 0 for on in stands.carried.T], -1)
+    imu = inertial_noise(prep.sensed.inc, nodes.edge, resting, setup.noise, scales)
+    bias = at.calibration[seg, setup.layout.bias]
+    pre = preintegrate(prep.sensed.inc, nodes.edge, bias, density(imu))
     state = timeline.state_at(0.5 * (nodes.time[1:] + nodes.time[:-1]))
     factors = [
         _start(prep, nodes),
@@ -70,19 +74,20 @@ def build(
         inertial_factor(setup.alignment.origin, setup.layout, nodes, pre),
         _standstill(prep, nodes, resting, carried[resting]),
     ]
+    round_ = Round(prep, nodes, pre, state, at, scales)
     # what is carried says nothing with its wheels
     moving = np.setdiff1d(np.flatnonzero(~carried.any(1)), resting)
-    motion, groups = motion_factors(Round(prep, nodes, pre, state, at, scales), moving)
+    motion, noise = motion_factors(round_, moving)
     factors.extend(motion)
+    noise[kinds.INERTIAL] = imu
     if prep.sensed.gnss is not None:
         unmoved = resting[~carried[resting].any(1)]
-        fixes = satellite_fixes(prep, nodes, pre, unmoved, at, scales)
+        fixes, noise[kinds.GNSS] = satellite_fixes(round_, unmoved)
         factors.append(fixes)
-        groups[kinds.GNSS] = np.full(len(fixes(at)[0].time), "")
     if prep.sensed.run.heading is not None:
         factors.append(_heading(prep, nodes))
     order = EliminationOrder(len(nodes.time), len(nodes.segment_time), setup.layout.dim, seg)
-    return Problem(tuple(factors), order, nodes, pre, resting, state, groups)
+    return Problem(tuple(factors), order, nodes, pre, resting, state, noise)
 
 
 def _start(prep: Prepared, nodes: Nodes) -> Factor:

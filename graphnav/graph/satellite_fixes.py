@@ -10,9 +10,10 @@ from factors.position import AXES, Carried, Fixes, position
 from factors.preintegration import Increments, Preintegrated
 from graphnav.common.run import Array, Gnss
 from graphnav.graph.densify import inside_intervals
-from graphnav.graph.motion import Factor, Scales
 from graphnav.graph.nodes import Nodes
-from graphnav.graph.preparation import Prepared, Setup
+from graphnav.graph.noise import Parts, Scales, parts
+from graphnav.graph.preparation import Setup
+from graphnav.graph.round import Factor, Round, with_noise
 
 NODE_SLACK_S = 0.03  # after a node a fix still belongs before it: nodes stand on increments' edges
 NEAR_S = 0.02  # between the delay and that which fixes are carried with
@@ -20,10 +21,9 @@ REACH_S = 0.3  # before the first node or after the last: a fix further out is l
 FIX_SD = 0.002  # m, no receiver is better
 
 
-def satellite_fixes(
-    prep: Prepared, nodes: Nodes, pre: Preintegrated, resting: Index, at: Estimate, scales: Scales
-) -> Factor:
-    """All fixes in use, carried with the delay of `at`; `scales` as found in the residuals."""
+def satellite_fixes(round_: Round, resting: Index) -> tuple[Factor, Parts]:
+    """All fixes in use, carried with the delay of the round; with what their errors are sums of."""
+    prep, nodes, pre, at = round_.prep, round_.nodes, round_.pre, round_.at
     gnss, setup = prep.sensed.gnss, prep.setup
     assert gnss is not None
     delay = carried_with(setup, at)
@@ -34,8 +34,9 @@ def satellite_fixes(
     for x, level in ((carried.swing, 0), (carried.surge, 0), (carried.turn, np.eye(3))):
         x[still] = level
     carried.rate[still] = 0
-    fixes = Fixes(prep.sensed.fixes_n[on], sigma_of(gnss, scales)[on], carried, delay)
-    return lambda x: [position(fixes, setup.layout, scope, x)]
+    noise = fix_noise(gnss.sd_enu[on], round_.scales)
+    fixes = Fixes(prep.sensed.fixes_n[on], noise.sigma, carried, delay)
+    return with_noise(noise, lambda x: position(fixes, setup.layout, scope, x)), noise
 
 
 def fixes_on_smooth_path(gnss: Gnss, fixes_n: Array, layout: Layout, nodes: Nodes) -> Factor:
@@ -45,14 +46,14 @@ def fixes_on_smooth_path(gnss: Gnss, fixes_n: Array, layout: Layout, nodes: Node
     share = (scope.time - nodes.time[scope.node]) / T
     turn = np.broadcast_to(np.eye(3), (len(on), 3, 3))
     carried = Carried(T, share, steady, steady, turn, steady)
-    fixes = Fixes(fixes_n[on], sigma_of(gnss, {})[on], carried, 0.0)
+    fixes = Fixes(fixes_n[on], fix_noise(gnss.sd_enu[on], {}).sigma, carried, 0.0)
     return lambda x: [position(fixes, layout, scope, x)]
 
 
-def sigma_of(gnss: Gnss, scales: Scales) -> Array:
-    """One sigma of each fix, (F, 3) m."""
-    factor_of = np.array([scales.get(f"{kinds.GNSS}::{axis}", 1.0) for axis in AXES])
-    return np.asarray(np.maximum(gnss.sd_enu, FIX_SD) * factor_of)
+def fix_noise(sd_enu: Array, scales: Scales) -> Parts:
+    """What the errors of fixes are sums of, whose receiver told (F, 3) m."""
+    told = {"told": np.maximum(sd_enu, FIX_SD)}
+    return parts(kinds.GNSS, np.full(len(sd_enu), ""), AXES, told, scales)
 
 
 def carried_with(setup: Setup, at: Estimate) -> float:

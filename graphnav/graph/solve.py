@@ -47,7 +47,7 @@ def weights_of(block: Block, robust: Mapping[str, Robust]) -> Array:
     """Weight of every row; 1 for factors that are not robust."""
     if not block.robust or block.kind not in robust:
         return np.ones_like(block.residual)
-    return robust[block.kind].weight(block.residual)
+    return robust[block.kind].weight(block.standardised)
 
 
 def cost_of(blocks: list[Block], weights: list[Array]) -> float:

@@ -255,7 +255,7 @@ class IncrementalGraph:
         blocks = problem.linearise(estimate)
         net = square_root(blocks, problem.order, FIRST)
         joints = covariances(net, problem.order).joints
-        found = rescaled(self.log.scales, blocks, problem.groups, joints)
+        found = rescaled(self.log.scales, blocks, problem.noise, joints)
         gear = {key: scale for key, scale in found.items() if not key.startswith(kinds.GNSS)}
         self.log.scales = ASSUMED | {key: max(scale, BOLDEST) for key, scale in gear.items()}
 

@@ -1,0 +1,40 @@
+"""What the IMU's noise is a sum of: its data sheet's and the vibration that survives in the sums.
+
+Standing and driving are found apart (`noise.py`). Vibration that a true mean averages away keeps
+nothing of the samples' scatter (`inertial/vibration.py`), vibration that was sampled keeps it all.
+"""
+
+import numpy as np
+
+from factors import kinds
+from factors.block import Index
+from factors.inertial import AXES
+from factors.preintegration import Increments, InertialNoise
+from graphnav.graph.noise import Parts, Scales, parts
+from graphnav.inertial.vibration import scatter
+
+SHEET, VIBRATION = "sheet", "vibration"
+SURVIVES = 0.01  # of the scatter, in a sensor that integrates; all of it where one samples
+# times the assumed before the residuals have spoken: ten data sheets (design facts), all vibration
+HUMBLE = {SHEET: 10.0, VIBRATION: 1 / SURVIVES}
+
+
+def inertial_noise(
+    inc: Increments, nodes: Index, resting: Index, sheet: InertialNoise, scales: Scales
+) -> Parts:
+    """Squared noise density of gyro and accelerometer in every interval between `nodes` (N,),
+    those in `resting` at standstill; rows [theta, v], (N - 1, 6).
+    """
+    n = len(nodes) - 1
+    state = np.where(np.isin(np.arange(n), resting), "rest", "driving")
+    base = np.concatenate([np.full(3, sheet.gyro), np.full(3, sheet.accel)])
+    assumed = {
+        SHEET: np.broadcast_to(base, (n, 6)),
+        VIBRATION: SURVIVES * np.sqrt(scatter(inc, nodes)),
+    }
+    return parts(kinds.INERTIAL, state, AXES[:6], assumed, scales, begin=HUMBLE)
+
+
+def density(noise: Parts) -> InertialNoise:
+    """The noise of every interval."""
+    return InertialNoise(noise.sigma[:, :3], noise.sigma[:, 3:])
