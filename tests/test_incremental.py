@@ -25,7 +25,8 @@ from graphnav.simulation import simulate
 from graphnav.stream import incremental_graph as growing
 from graphnav.stream import isam
 from graphnav.stream import replay as incremental
-from graphnav.stream.intake import Distance, Inertial
+from graphnav.stream.inertial_intake import Inertial
+from graphnav.stream.intake import Distance
 
 SECONDS = 240.0  # of which the first 90 or so at rest
 

@@ -36,6 +36,7 @@ from graphnav.stream.isam import Tree
 from graphnav.stream.node_log import NodeLog
 
 BACK_S = 20.0  # s of the newest nodes that are linearised anew
+LAST_SWEEPS = 3  # linearisations of the whole run at its end
 GROWTH, FIRST_GROWTH = 2.0, 60  # of the run's length between relinearisations of all; nodes
 LONGEST_BACK_S = 28.0  # where fixes come late
 LATE_EVERY_S = 3.0  # between looks back then
@@ -248,6 +249,11 @@ class IncrementalGraph:
             problem = self.log.problem(window.first, self.last, window.estimate)
             rows = self._rows(problem, window.estimate, window.first)
             self._exchange(window, rows)
+
+    def settle(self) -> None:
+        """No more will come: all of it linearised until that changes little."""
+        for _ in range(LAST_SWEEPS):
+            self.relinearise()
 
     def _learn(self, estimate: Estimate) -> None:
         """Find the noise in the residuals of the whole run so far, as the batch's rounds do."""

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from factors.preintegration import InertialNoise
 from graphnav.common.run import Array
 from graphnav.inertial.standstill import rocking
 from graphnav.stream.sensors import Sensors
@@ -14,13 +15,13 @@ class Rocking:
         self._of: dict[int, Array] = {}  # rad, of each rest, by its first increment
         self._usual = np.zeros(3)
 
-    def until(self, edge: int, heard: Sensors, gyro: float) -> Array:
-        """One sigma by axis (3,) rad, of the rests until an edge; `gyro` rad/sqrt(s) its noise."""
+    def until(self, edge: int, heard: Sensors, noise: InertialNoise) -> Array:
+        """One sigma by axis (3,) rad, of the rests until an edge; `noise` the IMU's."""
         resting = heard.standstill.resting.rows
         if edge > 0 and resting[edge - 1]:
             moving = np.flatnonzero(resting[:edge] == 0)
             first = int(moving[-1]) + 1 if len(moving) else 0
             inc = heard.inertial.between(first, edge)
-            self._of[first] = rocking(inc, inc.edge[None, [0, -1]], gyro)
+            self._of[first] = rocking(inc, inc.edge[None, [0, -1]], float(np.max(noise.gyro)))
             self._usual = np.median(list(self._of.values()), axis=0)
         return self._usual

@@ -27,8 +27,6 @@ from graphnav.stream.rocking import Rocking
 from graphnav.stream.sensors import Sensors
 from graphnav.stream.standstill import CausalStandstill
 
-LAST_SWEEPS = 3  # linearisations of the whole run when no more will come
-
 
 class Smoother:
     """The incremental smoother as a stream: what a vehicle would know as it drives.
@@ -176,8 +174,7 @@ class Smoother:
         if edge[-1] - self.graph.log.time.rows[-1] > room_of(self._interval):
             self._nodes([len(edge) - 1], perf_counter())
         if self._lag is None:
-            for _ in range(LAST_SWEEPS):
-                self.graph.relinearise()
+            self.graph.settle()
         else:
             self.history += self._leaving(np.inf)
 
@@ -273,9 +270,7 @@ class Smoother:
         graph = self.graph
         assert graph is not None
         times = self._heard.inertial.edge.rows[edges]
-        graph.log.rocking = self._rocking.until(
-            edges[0], self._heard, float(np.max(graph.log.setup.noise.gyro))
-        )
+        graph.log.rocking = self._rocking.until(edges[0], self._heard, graph.log.setup.noise)
         window = graph.window()
         self._states.follow(graph, window)
         growing = graph.grow(edges, self._states.now, window)
