@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from factor_check import assert_jacobian, dense_jacobian, random_estimate
+from factor_check import assert_jacobian, random_estimate
 
 from factors import so3
 from factors.block import Block, Scope
-from factors.calibration import Component, Layout, walk
-from factors.calibration import prior as calibration_prior
+from factors.calibration import Component, Layout
 from factors.displacement import (
     Coefficient,
     DisplacementReading,
@@ -26,8 +25,6 @@ from factors.preintegration import Increments, InertialNoise, Preintegrated, pre
 from factors.standstill import StandstillNoise, standstill
 from factors.track_width import track_width
 from factors.velocity import VelocityReading, velocity
-from graphnav.graph.nodes import Nodes
-from graphnav.graph.satellite_fixes import between, carry
 
 SIZES = {
     "gyro_bias": 3, "accel_bias": 3, "scale": 1, "mounting": 2, "lever": 3, "delay": 1,
@@ -244,47 +241,6 @@ def test_jacobians_of_the_plain_factors(seed: int) -> None:
         assert_jacobian(function, x, 1e-5)
 
 
-def test_calibration_chain() -> None:
-    rng = np.random.default_rng(1)
-    layout = Layout(
-        (
-            Component("gyro_bias", np.zeros(3), np.full(3, 0.1), 0.01),
-            Component("scale", np.ones(1), np.full(1, 0.02), 1e-3),
-            Component("lever", np.zeros(2), np.ones(2)),
-            Component("gnss_offset", np.ones(2), np.full(2, 0.5), memory=30.0),
-        )
-    )
-    assert layout.dim == 8
-    assert layout.column("scale") == 3 and layout.find("delay") is None
-    x = random_estimate(rng, 2, 3, layout.dim)
-    time = np.array([5.0, 15.0, 25.0])
-    assert_jacobian(lambda e: calibration_prior(layout, e.calibration), x)
-    blocks = walk(layout, x.calibration, time, ("scale",))
-    assert [b.kind for b in blocks] == ["calibration_walk", "scale_walk"]
-    for k, block in enumerate(blocks):
-        assert_jacobian(lambda e, k=k: walk(layout, e.calibration, time, ("scale",))[k], x)
-        assert block.robust == (k == 1)
-    # a constant stays what it is: over a day not a thousandth of its sigma
-    np.testing.assert_array_equal(layout.walk[:4], [0.01, 0.01, 0.01, 1e-3])
-    assert (layout.walk[4:6] * np.sqrt(86400) < 1e-3 * layout.prior_sd[4:6]).all()
-    still = Estimate(x.R_nb, x.v_n, x.p_n, x.phase, np.tile(layout.prior, (3, 1)))
-    assert np.abs(calibration_prior(layout, still.calibration).residual).max() == 0
-    assert all(np.abs(b.residual).max() == 0 for b in walk(layout, still.calibration, time, ()))
-    faded = still.calibration.copy()
-    faded[:, 6:] += 0.8 * np.exp(-(time - time[0]) / 30.0)[:, None]  # as a process forgets
-    assert np.abs(walk(layout, faded, time, ())[0].residual).max() < 1e-9
-
-
-def test_a_process_with_memory_keeps_its_deviation() -> None:
-    """Prior and steps together leave every segment of a long chain with the same deviation."""
-    layout = Layout((Component("gnss_offset", np.zeros(1), np.full(1, 0.5), memory=30.0),))
-    c, time = np.zeros((40, 1)), np.linspace(5.0, 395.0, 40)
-    x = Estimate(np.eye(3)[None], np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1), c)
-    blocks = [calibration_prior(layout, c), *walk(layout, c, time, ())]
-    J = np.concatenate([dense_jacobian(b, x)[:, 10:] for b in blocks])
-    np.testing.assert_allclose(np.diag(np.linalg.inv(J.T @ J)), 0.25, rtol=1e-9)
-
-
 def test_zero_at_truth_of_the_plain_factors() -> None:
     rng = np.random.default_rng(2)
     x = random_estimate(rng, 3, 1, DIM)
@@ -311,42 +267,3 @@ def test_zero_at_truth_of_the_plain_factors() -> None:
     blocks.append(track_width(np.array([0.36]), np.ones(1), LAYOUT, scope([0], [0]), turning))
     for block in blocks:
         assert np.abs(block.residual).max() < 1e-9, block.kind
-
-
-@SEEDS
-def test_fixes_are_carried_to_their_time(seed: int) -> None:
-    """A body that swings and turns, sampled at 1 kHz; fixes late by 0.1 s, anywhere between nodes.
-
-    What is left is the cubic of the numbers: a millimetre and less, where a second of straight
-    flight from the nearest node would miss by 2 m.
-    """
-    rng = np.random.default_rng(seed)
-    t = np.arange(0, 3.0005, 1e-3)
-    phase, far = rng.uniform(0, 6, 3), rng.uniform(1, 3, 3)
-
-    def place(time: np.ndarray) -> np.ndarray:
-        return far * np.sin(1.5 * time[:, None] + phase) + time[:, None] * [5, 3, 0.1]
-
-    spin = rng.normal(size=3)
-    R = so3.exp(t[:, None] * spin)
-    velocity_n = np.gradient(place(t), t, axis=0, edge_order=2)
-    force = so3.mtv(R, np.gradient(velocity_n, t, axis=0, edge_order=2))
-    force = 0.5 * (force[1:] + so3.mv(so3.exp(1e-3 * spin)[None], force[1:])) * 1e-3
-    inc = Increments(t, np.tile(1e-3 * spin, (3000, 1)), force, 5e-4 * force, np.zeros(3000))
-    edge = np.array([0, 1000, 2000, 3000])
-    pre = preintegrate(inc, edge, np.zeros((3, 6)), InertialNoise(1e-5, 1e-3))
-    true, lever, delay = np.array([0.2, 0.5, 1.37, 2.0, 2.93]), rng.normal(size=3), 0.1
-    nodes = Nodes(edge, t[edge], np.zeros(3, np.int64), np.array([1.5]))
-    on, scope_ = between(nodes, true)
-    carried = carry(inc, pre, nodes, scope_)
-    assert len(on) == 5
-    fix = place(true) + so3.mv(so3.exp(true[:, None] * spin), lever)
-    fixes = Fixes(fix, np.ones((5, 3)), carried, delay)
-    c = np.zeros((1, DIM))
-    c[0, LAYOUT.slices["antenna"]], c[0, LAYOUT.column("gnss_delay")] = lever, delay
-    x = Estimate(R[edge], velocity_n[edge], place(t[edge]), np.zeros(4), c)
-    assert np.abs(position(fixes, LAYOUT, scope_, x).residual).max() < 2e-3
-    c[0, LAYOUT.column("gnss_delay")] += 1e-3  # a later stamp: the fix belongs further back
-    slid = position(fixes, LAYOUT, scope_, x).residual * 1e3
-    ahead = place(true + 1e-3) + so3.mv(so3.exp((true + 1e-3)[:, None] * spin), lever)
-    np.testing.assert_allclose(slid, -1e3 * (ahead - fix), atol=0.05)

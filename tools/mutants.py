@@ -99,12 +99,12 @@ MUTANTS = [
         "factors/preintegration.py",
         "preintegration",
         ("half of the bias in position", "- 0.5 * bias[owner, ACCEL]", "- bias[owner, ACCEL]"),
-        ("whitening of velocity with angle", "g2 * c(T**2 / 2) * F", "g2 * c(T**2) * F"),
+        ("whitening of velocity with angle", "c(T**2 / 2) * FG\n", "c(T**2) * FG\n"),
     ),
     *_of(
         "factors/calibration.py",
-        "running_gear factors",
-        ("walk without sqrt", "* np.sqrt(np.diff(time))[:, None])", "* np.diff(time)[:, None])"),
+        "running_gear calibration_chain",
+        ("walk without sqrt", "layout.walk[rows] * np.sqrt(dt))", "layout.walk[rows] * dt)"),
         ("constants wander", "CONSTANT * c.sd if", "c.sd if"),
     ),
     *_of(
@@ -147,13 +147,9 @@ MUTANTS = [
         ("noise: redundancy dropped", "out[k] = 1 - np.einsum", "out[k] = 1 - 0 * np.einsum"),
     ),
     *_of(
-        "graphnav/graph/motion.py",
-        "running_gear",
-        (
-            "noise: sigma T for sqrt(T)",
-            "kinds.DISPLACEMENT) * np.sqrt(T)",
-            "kinds.DISPLACEMENT) * (T)",
-        ),
+        "graphnav/graph/motion_noise.py",
+        "running_gear noise",
+        ("noise: sigma T for sqrt(T)", "0.0) * np.sqrt(T)[:, None]", "0.0) * T[:, None]"),
     ),
     *_of(
         "graphnav/graph/assembly.py",
