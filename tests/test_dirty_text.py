@@ -30,7 +30,7 @@ def recorded(seed: int) -> pd.DataFrame:
     rng = np.random.default_rng(seed)
     table = driven(8, seed=seed).round(9)
     at = np.arange(len(table)) % 50 == 7
-    lat, lon = 45 + rng.random(len(table)), 110 + rng.random(len(table))
+    lat, lon = 45 + 0.01 * rng.random(len(table)), 110 + 0.01 * rng.random(len(table))
     fix = {"gnss_lat": lat.round(7), "gnss_lon": lon.round(7), "gnss_height": 100.5}
     return table.assign(**{name: np.where(at, value, np.nan) for name, value in fix.items()})
 

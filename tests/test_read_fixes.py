@@ -56,6 +56,16 @@ def test_fixes_that_scatter_beyond_their_deviation(tmp_path: Path) -> None:
     assert "the scatter counts" in notes
 
 
+def test_a_run_none_of_whose_fixes_can_be_is_one_without(tmp_path: Path) -> None:
+    table = driven()
+    north = np.where(np.arange(len(table)) % 2, 1.0, -1.0)  # two places, half each, far apart
+    fixes = {"gnss_lat": 45.0 + north, "gnss_lon": 10.0, "gnss_height": 100.0}
+    path = saved(table.assign(**fixes), tmp_path)
+    run = read_run(path, load_vehicle(None, path))
+    assert run.gnss is None
+    assert any("3000 GNSS fixes are where no vehicle" in note for note in run.notes)
+
+
 @pytest.mark.parametrize("value", [0.0, np.nan])
 def test_fixes_without_a_height_count_horizontally(tmp_path: Path, value: float) -> None:
     def flat(t: pd.DataFrame) -> pd.DataFrame:

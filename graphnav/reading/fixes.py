@@ -39,11 +39,12 @@ def read_fixes(samples: Samples, vehicle: Vehicle) -> tuple[Gnss | None, list[st
             rows, fix = rows[~bad], fix[~bad]
 
     without((fix == 0).all(axis=1), "GNSS fixes at 0, 0 are receivers' blanks")
+    time = samples.clock - samples.clock[0]
+    if len(rows):
+        fix[:, 1] = _continuous(fix[:, 1])
+        without(_unreachable(time[rows], fix), "GNSS fixes are where no vehicle can get to")
     if not len(rows):
         return None, notes
-    fix[:, 1] = _continuous(fix[:, 1])
-    time = samples.clock - samples.clock[0]
-    without(_unreachable(time[rows], fix), "GNSS fixes are where no vehicle can get to")
     height = samples.columns.get(GNSS[2], np.full(len(time), np.nan))
     without(
         _repeated(time[rows], np.column_stack([fix, height[rows]])),
