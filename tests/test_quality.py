@@ -191,3 +191,25 @@ def test_a_cause_is_tried_before_it_is_named(solved: Solved) -> None:
 
 def test_a_healthy_run_has_no_cause(solved: Solved) -> None:
     assert causes.likeliest(solved.run, solved.vehicle) is None
+
+
+def test_the_imus_noise_is_told_where_its_residuals_show_it(solved: Solved) -> None:
+    told = solved.solver["imu_noise"]
+    assert set(told) == {"standing", "driving"}
+    assert told["driving"]["accel_mg_sqrt_hz"] == pytest.approx([0.2] * 3, rel=1.0)
+    assert not doubts.of_inertial_noise(solved)
+    sheet = solved.vehicle.imu.gyro_noise_deg_sqrt_h
+    loud = told | {"driving": told["driving"] | {"gyro_deg_sqrt_h": [sheet, sheet, 40 * sheet]}}
+    shaken = replace(solved, solver=solved.solver | {"imu_noise": loud})
+    [remark] = doubts.of_inertial_noise(shaken)
+    assert "gyros are 40 times as noisy while driving" in remark.why and remark.level == 0
+    blocks = [replace(b, residual=0 * b.residual) for b in solved.blocks]
+    assert not doubts.of_inertial_noise(replace(shaken, blocks=blocks))
+
+
+def test_a_vehicle_carried_as_it_stands_is_told(solved: Solved) -> None:
+    assert not fix_doubts.of_carried(solved)
+    moved = np.array([[40.0, 90.0, 1.0, 0.0], [100.0, 110.0, 0.0, 1.0]])
+    ferry, lift = fix_doubts.of_carried(replace(solved, moved=moved))
+    assert ferry.why == "the odometer stands while the fixes move from 40 to 90 s"
+    assert lift.why == "the vehicle is lifted or lowered as it stands from 100 to 110 s"

@@ -22,6 +22,7 @@ FEW = 8  # factors of a kind that can be judged at all
 SURPRISING, BEYOND = 5.0, 15.0  # sigma of a calibration
 STATED = 2.5  # sigma of a stated heading
 WORSE = 4.0  # times its stated noise that an IMU is told to be
+SHOWN = 10.0  # intervals' worth of residuals that tell a noise
 FASTEST, STRONGEST = 100.0, 15.0  # m/s, m/s^2 over a second: no land vehicle
 CLIMBING = 1.0  # tangent of a slope kept up for a second
 
@@ -212,20 +213,37 @@ def of_start(solved: Solved) -> list[Remark]:
 
 
 def of_inertial_noise(solved: Solved) -> list[Remark]:
-    """An IMU far worse than stated: by its residuals and by the noise found in them."""
-    found = solved.solver.get("noise_found", {})
-    times = [float(v) for k, v in found.items() if k.startswith(kinds.INERTIAL)]
+    """An IMU whose noise was found far above what is stated, where its residuals show it."""
+    found, spec = solved.solver.get("imu_noise", {}), solved.vehicle.imu
+    said = []
     for block, weight in of_kind(solved, kinds.INERTIAL):
-        times.append(float(np.sqrt(np.mean(weight * block.residual**2, axis=0)).max()))
-    worst = max([0.0, *times])
-    if worst < WORSE:
-        return []
-    return [
-        Remark(
-            f"the IMU is {worst:.0f} times as noisy as its grade or data sheet says",
-            "state [imu] grade or its noise as it is when driving",
-        )
-    ]
+        for unit, sensor, rows, stated in (
+            ("gyro_deg_sqrt_h", "gyros are", slice(0, 3), spec.gyro_noise_deg_sqrt_h),
+            ("accel_mg_sqrt_hz", "accelerometers are", slice(3, 6), spec.accel_noise_mg_sqrt_hz),
+        ):
+            kept = np.minimum(weight * block.residual**2, 1.0)[:, rows]
+            times = {}
+            for state, on in _by_motion(solved, block.time).items():
+                shown = kept[on].sum(axis=0) > SHOWN
+                level = np.array(found.get(state, {}).get(unit, np.zeros(3)))
+                times[state] = float(np.max(level * shown)) / stated
+            state = max(times, key=times.__getitem__)
+            if times[state] > WORSE:
+                said.append(
+                    Remark(
+                        f"the {sensor} {times[state]:.0f} times as noisy while {state} as their "
+                        "grade or data sheet says",
+                        "state [imu] grade or its noise as it is when driving",
+                    )
+                )
+    return said
+
+
+def _by_motion(solved: Solved, time: Array) -> dict[str, NDArray[np.bool_]]:
+    """Which of some intervals, by their end times (n,) s, ended standing and which driving."""
+    start, end = solved.rests[:, :1], solved.rests[:, 1:]
+    rests = ((time > start) & (time <= end + 1e-6)).any(axis=0)
+    return {"standing": rests, "driving": ~rests}
 
 
 def of_motion(columns: dict[str, Array]) -> list[Remark]:

@@ -4,11 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from factors import so3
+from factors import kinds, so3
 from factors.calibration import LEVER, MOUNTING, SCALE, forward_of, lateral_of
 from graphnav.batch.learnt import calibrated, verdicts
 from graphnav.batch.smoother import Smoothed
 from graphnav.common.run import Array, Run
+from graphnav.graph import inertial_noise
 from graphnav.graph.kinematics import kinematics
 from graphnav.graph.motion import driven
 from graphnav.graph.preparation import fixes_in
@@ -48,10 +49,12 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
             "cost": smoothed.solution.cost,
             "nodes": len(problem.nodes.time),
             "heading_source": prep.setup.alignment.source,
+            "imu_noise": inertial_noise.told(problem.noise[kinds.INERTIAL]),
             "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
         },
         verdicts=verdicts(found),
         remarks=prep.setup.alignment.told,
+        moved=prep.sensed.standstill.moved,
         gaps=_gaps(smoothed),
     )
 

@@ -71,6 +71,22 @@ def of_stated_position(solved: Solved, columns: dict[str, Array]) -> list[Remark
     return [Remark(f"[start] is {distance(off)} from where the fixes put the start", cure, level=1)]
 
 
+def of_carried(solved: Solved) -> list[Remark]:
+    """Where the vehicle moves although its odometer stands."""
+    if solved.moved is None:
+        return []
+    fixes, clock, said = rows_doubted(solved, kinds.GNSS)[0], solved.run.clock_start, []
+    for start, end, horizontally, _ in solved.moved.tolist():
+        span = f"from {start + clock:.0f} to {end + clock:.0f} s"
+        if not horizontally:
+            said.append(Remark(f"the vehicle is lifted or lowered as it stands {span}"))
+        elif np.any((fixes >= start) & (fixes <= end)):
+            said.append(Remark(f"the odometer stands while the fixes move {span}"))
+        else:
+            said.append(Remark(f"the odometer stands while the accelerometers move {span}"))
+    return said
+
+
 def where(solved: Solved) -> list[str]:
     """The longest spans in which fixes were doubted, in sentences and in order of time."""
     clock = solved.run.clock_start

@@ -19,6 +19,7 @@ def judge(solved: Solved, columns: dict[str, Array], used: Run) -> Quality:
         *doubts.of_calibrations(solved.calibrated),
         *doubts.of_inertial_noise(solved),
         *fix_doubts.of_fix_deviations(solved),
+        *fix_doubts.of_carried(solved),
     ]
     contradictions = [
         *(Remark(said, level=1) for said in _driving(solved)),

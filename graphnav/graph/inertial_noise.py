@@ -10,10 +10,13 @@ from factors import kinds
 from factors.block import Index
 from factors.inertial import AXES
 from factors.preintegration import Increments, InertialNoise
+from graphnav.common.run import Array
+from graphnav.graph.calibrations import DEG_SQRT_H, MG
 from graphnav.graph.noise import Parts, Scales, parts
 from graphnav.inertial.vibration import scatter
 
 SHEET, VIBRATION = "sheet", "vibration"
+STATES = {"rest": "standing", "driving": "driving"}  # as they are told
 SURVIVES = 0.01  # of the scatter, in a sensor that integrates; all of it where one samples
 # times the assumed before the residuals have spoken: ten data sheets (design facts), all vibration
 HUMBLE = {SHEET: 10.0, VIBRATION: 1 / SURVIVES}
@@ -38,3 +41,20 @@ def inertial_noise(
 def density(noise: Parts) -> InertialNoise:
     """The noise of every interval."""
     return InertialNoise(noise.sigma[:, :3], noise.sigma[:, 3:])
+
+
+def told(noise: Parts) -> dict[str, dict[str, list[float]]]:
+    """Root mean square density by state and axis, in the units of the vehicle file."""
+
+    def level(density: Array, unit: float) -> list[float]:
+        return [float(f"{x:.4g}") for x in np.sqrt(np.mean(density**2, axis=0)) / unit]
+
+    imu, found = density(noise), {}
+    for state, name in STATES.items():
+        on = noise.state == state
+        if on.any():
+            found[name] = {
+                "gyro_deg_sqrt_h": level(imu.gyro[on], DEG_SQRT_H),
+                "accel_mg_sqrt_hz": level(imu.accel[on], MG),
+            }
+    return found

@@ -50,6 +50,15 @@ class Standstill:
         return spans(self.still & ~self.carried.any(1), self.edge)
 
     @property
+    def moved(self) -> Array:
+        """Spans carried: start, end [s] and whether horizontally and vertically, (C, 4)."""
+        along = [np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])]
+        each = [spans(on, self.edge) for on in self.carried.T]
+        return np.concatenate(
+            [np.hstack([s, np.repeat(a, len(s), 0)]) for s, a in zip(each, along, strict=True)]
+        )
+
+    @property
     def changes(self) -> Array:
         """Times at which standing, or being carried, begins or ends, s."""
         state = np.column_stack([self.still, self.carried])

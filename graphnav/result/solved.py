@@ -67,6 +67,9 @@ class Solved:
     solver: dict[str, Any]  # for summary.json
     verdicts: list[str]
     remarks: tuple[Remark, ...] = ()  # found before the solution
+    moved: Array | None = (
+        None  # (C, 4) carried as it stands: start, end, s; horizontally, vertically
+    )
     gaps: Array | None = None  # (G, 4) of the IMU: start, end, s; turn [rad] and speed [m/s] lost
     wheel_events: tuple[Event, ...] = ()  # of single wheels of a rover
     causal: dict[str, Array] | None = None  # columns of trajectory_causal.parquet
