@@ -242,7 +242,7 @@ def of_inertial_noise(solved: Solved) -> list[Remark]:
 def _by_motion(solved: Solved, time: Array) -> dict[str, NDArray[np.bool_]]:
     """Which of some intervals, by their end times (n,) s, ended standing and which driving."""
     start, end = solved.rests[:, :1], solved.rests[:, 1:]
-    rests = ((time > start) & (time <= end + 1e-6)).any(axis=0)
+    rests = np.asarray(np.any((time > start) & (time <= end + 1e-6), axis=0))
     return {"standing": rests, "driving": ~rests}
 
 

@@ -49,12 +49,12 @@ def told(noise: Parts) -> dict[str, dict[str, list[float]]]:
     def level(density: Array, unit: float) -> list[float]:
         return [float(f"{x:.4g}") for x in np.sqrt(np.mean(density**2, axis=0)) / unit]
 
-    imu, found = density(noise), {}
+    found = {}
     for state, name in STATES.items():
         on = noise.state == state
         if on.any():
             found[name] = {
-                "gyro_deg_sqrt_h": level(imu.gyro[on], DEG_SQRT_H),
-                "accel_mg_sqrt_hz": level(imu.accel[on], MG),
+                "gyro_deg_sqrt_h": level(noise.sigma[on, :3], DEG_SQRT_H),
+                "accel_mg_sqrt_hz": level(noise.sigma[on, 3:], MG),
             }
     return found
