@@ -6,7 +6,7 @@ import numpy as np
 
 from factors import kinds, so3
 from factors.calibration import LEVER, MOUNTING, SCALE, forward_of, lateral_of
-from graphnav.batch.learnt import calibrated, verdicts
+from graphnav.batch.learnt import calibrated, imu_late, verdicts
 from graphnav.batch.smoother import Smoothed
 from graphnav.common.run import Array, Run
 from graphnav.graph import inertial_noise
@@ -32,6 +32,7 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
         path=smoothed.path,
         R_bm=R_bm,
         node_time=problem.nodes.time,
+        imu_late=imu_late(found),
         node_covariance=smoothed.covariances.nodes[:, :9, :9],
         timeline=smoothed.timeline.covering(
             float(prep.sensed.inc.edge[0]), float(prep.sensed.inc.edge[-1])

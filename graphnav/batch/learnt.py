@@ -28,6 +28,7 @@ XYZ = ("x", "y", "z")
 DEG = np.deg2rad(1.0)
 ASTRAY = 3.0  # deviations, of fixes and of what is known of their common error
 LATE_S = 0.05  # of fixes, that is worth telling
+EARLY_S = 0.02  # of fixes, that an IMU is late by
 
 
 @dataclass(frozen=True)
@@ -123,11 +124,8 @@ def verdicts(found: list[Calibrated]) -> list[str]:
             said.append(
                 f"odometer clock off by {1e3 * c.value[0, 0]:.0f} +- {1e3 * c.sd[0, 0]:.0f} ms"
             )
-        if c.name == "gnss_time_offset_s" and abs(c.value[0, 0]) > max(LATE_S, 3 * c.sd[0, 0]):
-            late, sd = float(c.value[0, 0]), float(c.sd[0, 0])
-            said.append(
-                f"fixes come {abs(late):.2f} +- {sd:.2f} s {'late' if late > 0 else 'early'}"
-            )
+        if c.name == "gnss_time_offset_s":
+            said += _late(c)
         if c.name == "gnss_offset_m":
             said += _astray(c)
         hidden = [p for p, seen in zip(c.components, c.observable, strict=True) if not seen]
@@ -135,6 +133,27 @@ def verdicts(found: list[Calibrated]) -> list[str]:
             name = c.name.rsplit("_", 1)[0].replace("_", " ")
             said.append(f"{name} {', '.join(hidden)}: not observable in this run")
     return said
+
+
+def imu_late(found: list[Calibrated]) -> float:
+    """By how much the IMU's stamps are late, s: no receiver stamps a fix before it is taken, so
+    fixes that come early tell of an IMU that filters or waits; the path is told on their clock.
+    """
+    for c in found:
+        if c.name == "gnss_time_offset_s":
+            early, sd = -float(c.value[0, 0]), float(c.sd[0, 0])
+            return early if early > max(EARLY_S, 3 * sd) else 0.0
+    return 0.0
+
+
+def _late(c: Calibrated) -> list[str]:
+    """Whose clock is late."""
+    late, sd = float(c.value[0, 0]), float(c.sd[0, 0])
+    if late > max(LATE_S, 3 * sd):
+        return [f"fixes come {late:.2f} +- {sd:.2f} s late"]
+    if imu_late([c]):
+        return [f"the IMU comes {-late:.2f} +- {sd:.2f} s after the fixes: told on their clock"]
+    return []
 
 
 def _astray(c: Calibrated) -> list[str]:

@@ -71,6 +71,7 @@ class Solved:
         None  # (C, 4) carried as it stands: start, end, s; horizontally, vertically
     )
     gaps: Array | None = None  # (G, 4) of the IMU: start, end, s; turn [rad] and speed [m/s] lost
+    imu_late: float = 0.0  # s, of the clock the run is told on, by what fixes show
     wheel_events: tuple[Event, ...] = ()  # of single wheels of a rover
     causal: dict[str, Array] | None = None  # columns of trajectory_causal.parquet
 

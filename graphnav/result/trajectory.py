@@ -58,7 +58,7 @@ def table(solved: Solved, rate_hz: float) -> dict[str, Array]:
     at_nodes = np.clip(np.searchsorted(path.time, solved.node_time - 1e-6), 0, len(path.time) - 1)
     sd = deviations(solved.node_covariance, path.R_nb[at_nodes])
     end, weight = row_weights(solved, VEHICLE_KINDS)
-    columns = {"time": t + solved.run.clock_start}
+    columns = {"time": t + solved.run.clock_start - solved.imu_late}
     columns |= {"lat": np.rad2deg(lat), "lon": np.rad2deg(lon), "height": height}
     columns |= dict(zip(("e", "n", "u"), p_n.T, strict=True))
     columns |= dict(zip(("v_e", "v_n", "v_u"), v_l.T, strict=True))
