@@ -1,5 +1,7 @@
 """Samples that are no measurement, and those that only look odd."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from runs import shared
@@ -107,3 +109,36 @@ def test_recorded_and_simulated_runs_are_left_alone(name: str) -> None:
     path = shared(name)
     run = read_run(path, load_vehicle(None, path))
     assert measured(run) is run
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("where", [0, -1])
+def test_at_the_ends_a_last_jolt_is_no_spike(rate: int, where: int) -> None:
+    """The run ends in a half sample; what no jolt of the run comes to is a spike even there."""
+    imu = driven(rate, 1e-4, 2)
+    imu.gyro[where] /= 2
+    imu.accel[where, :2] /= 2
+    assert touched(imu) == {}
+    imu.accel[where, 1] += 900.0
+    assert touched(imu) == {(1, "a spike"): [range(len(imu.time))[where]]}
+
+
+@pytest.mark.parametrize("rate", RATES)
+def test_samples_filled_with_the_one_before_are_found(rate: int) -> None:
+    imu = driven(rate, 1e-3, 4)
+    at = np.sort(np.random.default_rng(1).choice(np.arange(50, len(imu.time), 7), 8, False))
+    imu.gyro[at], imu.accel[at] = imu.gyro[at - 1], imu.accel[at - 1]
+    what = "a repeat of the sample before"
+    assert touched(imu) == {(0, what): at.tolist(), (1, what): at.tolist()}
+
+
+def test_a_sensor_polled_faster_than_it_measures_is_left_alone() -> None:
+    imu = driven(100, 1e-3, 4)
+    measured = np.floor(np.arange(len(imu.time)) * 0.93).astype(int)
+    assert touched(replace(imu, gyro=imu.gyro[measured], accel=imu.accel[measured])) == {}
+
+
+def test_coarse_samples_repeat_by_chance() -> None:
+    imu = driven(100, 0.02, 4)
+    coarse = replace(imu, gyro=np.round(imu.gyro, 2), accel=np.round(imu.accel, 1))
+    assert not any(what.startswith("a repeat") for _, what in touched(coarse))

@@ -19,6 +19,7 @@ LEAST_S = 3.0  # a failure lasts longer
 DRIVING = 1.0  # m/s before it: slower, and the brakes are not felt
 STOPS_S = 1.5  # about the end of counting, in which the brakes are felt
 FELT = 0.5  # of the speed lost that the accelerometer has to feel
+BRIDGED = 0.1  # of the samples: what was felt is not known
 LEVEL_S = 5.0  # to either side that tell which way down is
 REPEATS = 20  # samples of one speed
 LONGER, SELDOM = 4.0, 3  # times as long as all but a few other repetitions of the run
@@ -116,6 +117,8 @@ def _dead(odometer: Odometer, imu: Imu) -> Mask:
             continue
         at = [before - LEVEL_S, before, start + STOPS_S / 2, start + STOPS_S / 2 + LEVEL_S]
         v = np.interp(np.minimum(at, edge[-1]), edge, forward)
+        if imu.doubt is not None and _doubted(imu, at[0], at[-1]):
+            continue
         # which way is down: before the stop the odometer's own speed is taken off
         gained = speed - _speed(odometer, at[0])
         level = (v[1] - v[0] - gained) / LEVEL_S
@@ -125,6 +128,13 @@ def _dead(odometer: Odometer, imu: Imu) -> Mask:
             if b == len(moved):
                 out[b] = True
     return out
+
+
+def _doubted(imu: Imu, start: float, end: float) -> bool:
+    """Whether the accelerometer's samples in a span s are bridges for a good part."""
+    assert imu.doubt is not None
+    on = (imu.time > start) & (imu.time <= end)
+    return bool((imu.doubt[on, 1] > 0).mean() > BRIDGED)
 
 
 def _speed(odometer: Odometer, at: float) -> float:

@@ -7,6 +7,7 @@ import numpy as np
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Imu, Odometer, Run
 from graphnav.inertial.encoder import failures, without
+from graphnav.inertial.exchanged_axes import Exchange, exchanges, put_back
 from graphnav.inertial.gaps import Mask, bridged
 from graphnav.inertial.odometry import speed_at
 from graphnav.inertial.sample_clock import SampleClock, sample_clock
@@ -32,6 +33,10 @@ def measured(run: Run) -> Run:
     for fault in found:
         seen[fault.mask, fault.sensor] = False
     notes = [*_clock_notes(run, clock), *(_note(run, fault) for fault in found)]
+    for exchange in exchanges(imu, run.odometer, seen):
+        imu = put_back(imu, exchange)
+        seen[exchange.open, exchange.sensor] = False
+        notes.append(_exchange_note(run, exchange))
     imu = bridged(imu, clock, seen)
     odometer, failed = _odometer(run, imu)
     notes += failed
@@ -104,6 +109,17 @@ def _note(run: Run, fault: Screened) -> str:
     count = "1 sample" if len(at) == 1 else f"{len(at)} samples"
     return (
         f"the {NAMES[fault.sensor]} is {fault.what} {when} ({count}): not used, bridged and doubted"
+    )
+
+
+def _exchange_note(run: Run, exchange: Exchange) -> str:
+    assert run.imu is not None
+    at = run.imu.time[exchange.mask | exchange.open]
+    return (
+        f"the {NAMES[exchange.sensor]}'s axes {exchange.axes} stand exchanged from about "
+        f"{_at(run, at[0])} to {_at(run, at[-1])}, as gravity and the vehicle's turns show: put "
+        f"back; {exchange.open.sum()} samples about the beginning and the end are not used, but "
+        "bridged and doubted"
     )
 
 

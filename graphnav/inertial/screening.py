@@ -23,9 +23,12 @@ LONGEST, LONGEST_S = 5, 0.05  # samples and s of a spike
 STANDS_OUT = 3.0  # over the largest second difference of its context, about 15 sigma
 ALIKE = 6.0  # times as rough before as after, or after as before: a vehicle that starts or stops
 RETURNS = 3.0  # largest steps of its context: a level that changed by more is a jolt, no spike
+RETURNED = 2  # samples at least on the level before and after a spike
 REPEATS, REPEATS_S = 5, 0.05  # samples and s that a stuck stretch lasts at least
 CHANCE = 1e-4  # of such a stretch anywhere in the run
 COARSE = 0.2  # of the samples repeat the one before: a sensor that does so is never stuck
+THEREABOUTS = 500  # samples to either side that tell how often a channel repeats itself
+REGULAR, SPACED = 0.5, 8  # scatter of the spacing, of the spacing: 1 at random; spacings that tell
 OWN_SHARE = 0.5  # of the run: a value held since its start for longer was not recorded
 CEILING = 3  # samples at exactly the largest value
 PILED = 5.0  # times as many as at the values just below it
@@ -51,13 +54,15 @@ def screened(imu: Imu, step: float, resting: Mask, causal: bool = False) -> list
     absurd = [_absurd(x, most) for x, most in zip((imu.gyro, imu.accel), ABSURD, strict=True)]
     sound = [_carried(x, bad) for x, bad in zip((imu.gyro, imu.accel), absurd, strict=True)]
     spikes = _spikes(np.concatenate(sound, axis=1), step, WAITED if causal else CONTEXT)
+    held = _held(np.concatenate(sound, axis=1))
     found: list[Screened] = []
     for sensor in (0, 1):
         own = spikes[:, 3 * sensor : 3 * sensor + 3].any(axis=1) & ~absurd[sensor]
         found += [
             Screened(sensor, "out of any range", absurd[sensor]),
             Screened(sensor, "a spike", own),
-            Screened(sensor, "stuck", _stuck(sound[sensor], step, resting)),
+            Screened(sensor, "stuck", stuck := _stuck(sound[sensor], step, resting)),
+            Screened(sensor, "a repeat of the sample before", held & ~stuck),
             Screened(sensor, "clipped", _clipped(sound[sensor])),
         ]
     return [f for f in found if f.mask.any()]
@@ -92,6 +97,7 @@ def _spikes(x: Array, step: float, later: int) -> Mask:
     suspects = np.flatnonzero((moved > STEP * _usual(moved, quantum)).any(axis=1))
     if not len(suspects):
         return out
+    span = np.ptp(x[RETURNED:-RETURNED], axis=0)
     pad = CONTEXT + LONGEST + 1
     y = np.pad(x, ((pad, pad), (0, 0)), mode="reflect")
     for length in range(1, max(1, min(LONGEST, int(LONGEST_S / step))) + 1):
@@ -112,6 +118,9 @@ def _spikes(x: Array, step: float, later: int) -> Mask:
         spiked = away > STANDS_OUT * np.maximum(*rough)
         spiked &= (away > RETURNS * np.abs(b - a)) & (sides > RETURNS * np.maximum(*level))
         spiked &= same.all(axis=1)[:, None]
+        # with nothing after it, or before, no return is seen: only what the run never comes near
+        ends = (first < RETURNED) | (first + length > len(x) - RETURNED)
+        spiked &= ~ends[:, None] | (sides > RETURNS * span)
         for k in range(length):
             out[first + k] |= spiked
     return out
@@ -163,6 +172,29 @@ def _stuck(values: Array, step: float, resting: Mask) -> Mask:
             never = a == 0 and b > OWN_SHARE * len(values)  # not recorded, from the beginning
             if likely < CHANCE and not never and resting[a : b + 1].mean() <= 0.5:
                 out[a + 1 : b + 1] = True
+    return out
+
+
+def _held(x: Array) -> Mask:
+    """Samples (N,) that a logger filled with the one before: all six channels (N, 6) repeat.
+
+    Not by chance, from how often each channel repeats itself thereabouts; and not regularly, as of
+    a sensor that is polled faster than it measures.
+    """
+    same = np.diff(x, axis=0, prepend=x[:1] + 1) == 0
+    held = same.all(axis=1)
+    at = np.flatnonzero(held)
+    if not len(at) or held.mean() >= COARSE:
+        return np.zeros(len(x), bool)
+    low, high = np.maximum(at - THEREABOUTS, 0), np.minimum(at + THEREABOUTS, len(x))
+    alone = np.concatenate([np.zeros((1, 6), int), np.cumsum(same & ~held[:, None], axis=0)])
+    told = np.concatenate([[0], np.cumsum(~held)])
+    repeats, of = alone[high] - alone[low], told[high] - told[low]
+    by_chance = ((repeats + 1) / (of + 1)[:, None]).prod(axis=1)
+    apart = np.diff(at[np.diff(at, prepend=-2) > 1])
+    polled = len(apart) >= SPACED and np.std(apart) < REGULAR * np.mean(apart)
+    out = np.zeros(len(x), bool)
+    out[at] = (len(x) * by_chance < CHANCE) & (not polled)
     return out
 
 
