@@ -15,7 +15,9 @@ from factors import kinds
 from factors.block import Array, Block, Index, Term
 
 # names of the components
-GYRO_BIAS, ACCEL_BIAS = "gyro_bias", "accel_bias"  # rad/s, m/s^2, body axes; neighbours
+GYRO_BIAS, ACCEL_BIAS = "gyro_bias", "accel_bias"  # rad/s, m/s^2, body axes
+GYRO_SCALE, ACCEL_SCALE = "gyro_scale", "accel_scale"  # 1, body axes: measured less true, of it
+IMU_ERRORS = (GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE)  # three axes each, in this order
 SCALE, MOUNTING, LEVER = "scale", "mounting", "lever"  # odometer: 1; pitch, heading; m, body
 DELAY, CORNERING, TRACK_WIDTH = "delay", "cornering", "track_width"  # s; s; m
 ANTENNA, GNSS_OFFSET, GNSS_DELAY = "antenna", "gnss_offset", "gnss_delay"  # m, body; m, n; s
@@ -96,11 +98,21 @@ class Layout:
         return np.concatenate([np.full(len(c.prior), c.memory or np.inf) for c in self.components])
 
     @cached_property
-    def bias(self) -> slice:
-        """Columns of gyro and accelerometer bias, 6 of them."""
-        gyro, accel = self.slices[GYRO_BIAS], self.slices[ACCEL_BIAS]
-        assert gyro.stop == accel.start, "the inertial biases are neighbours"
-        return slice(gyro.start, accel.stop)
+    def imu_errors(self) -> tuple[Index, Index]:
+        """Columns (m,) of the IMU's errors that are calibrated, and which of the twelve each is."""
+        there = [(k, name) for k, name in enumerate(IMU_ERRORS) if name in self.slices]
+        every = np.arange(self.dim)
+        columns = [every[self.slices[name]] for _, name in there]
+        return np.concatenate(columns), np.concatenate([3 * k + np.arange(3) for k, _ in there])
+
+    def imu_errors_of(self, calibration: Array) -> Array:
+        """The IMU's errors (n, 12) in calibrations (n, dim): biases and scale factors of gyro and
+        accelerometer, zero where they are not calibrated.
+        """
+        columns, which = self.imu_errors
+        errors = np.zeros((*calibration.shape[:-1], 3 * len(IMU_ERRORS)))
+        errors[..., which] = calibration[..., columns]
+        return errors
 
     def column(self, name: str) -> int:
         """The column of a component that is a single number and there."""

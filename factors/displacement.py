@@ -35,7 +35,16 @@ from factors.block import (
     between,
     whitened,
 )
-from factors.calibration import CORNERING, DELAY, GYRO_BIAS, LEVER, MOUNTING, SCALE, Layout
+from factors.calibration import (
+    CORNERING,
+    DELAY,
+    GYRO_BIAS,
+    GYRO_SCALE,
+    LEVER,
+    MOUNTING,
+    SCALE,
+    Layout,
+)
 from factors.estimate import Estimate
 
 AXES = ("lateral", "forward", "vertical")
@@ -53,8 +62,9 @@ class OdometerSums:
     turn_abs: Array  # of |dpsi_k| sign(d_k) [rad]
     bend: Array  # of d_k psi_dot_k [m rad/s]
     R_mid: Array  # (n, 3, 3) mean rotation since node i, orthonormal
+    rate: Array  # (n, 3) rad/s, mean sensed rate, for the gyro's scale factors
     delay: float  # s, delay and
-    bias: Array  # (n, 3) rad/s, gyro bias (less the Earth's rate) the sums were made with
+    drift: Array  # (n, 3) rad/s, gyro errors (less the Earth's rate) the sums were made with
 
     def of(self, on: Index) -> "OdometerSums":
         """The sums of some intervals."""
@@ -147,7 +157,7 @@ class _Read:
     distance: Array  # (n, 3, 3) sum C_k d_k with the delay in force
     sideways: Array  # (n, 3, 3) what acts along -R_bm e_x
     travel: Array  # (n, 3) distance along R_bm e_y
-    swerve: Array  # (n, 3) whose cross product with the gyro bias is the way's turn
+    swerve: Array  # (n, 3) whose cross product with the gyro's drift is the way's turn
 
 
 def _read(reading: DisplacementReading, layout: Layout, c: Array) -> _Read:
@@ -167,8 +177,10 @@ def _read(reading: DisplacementReading, layout: Layout, c: Array) -> _Read:
     travel = so3.mv(distance, ey)
     swerve = gain[:, None] * so3.mv(sums.distance_late, ey)
     D = gain[:, None] * travel - reading.gauge[:, None] * so3.mv(sums.turn_abs, ey)
-    bias = c[:, layout.slices[GYRO_BIAS]] - sums.bias
-    D = D - so3.mv(sideways, ex) + so3.cross(swerve, bias)
+    drift = c[:, layout.slices[GYRO_BIAS]] - sums.drift
+    if GYRO_SCALE in layout.slices:
+        drift = drift + c[:, layout.slices[GYRO_SCALE]] * sums.rate
+    D = D - so3.mv(sideways, ex) + so3.cross(swerve, drift)
     return _Read(D, mount, forward, scale, distance, sideways, travel, swerve)
 
 
@@ -184,7 +196,10 @@ def _calibration_columns(
     def in_m(x: Array) -> Array:
         return so3.mv(to_m, x)
 
-    J_c[:, :, layout.slices[GYRO_BIAS]] = -to_m @ so3.skew(D.swerve)
+    by_drift = -to_m @ so3.skew(D.swerve)
+    J_c[:, :, layout.slices[GYRO_BIAS]] = by_drift
+    if GYRO_SCALE in layout.slices:
+        J_c[:, :, layout.slices[GYRO_SCALE]] = by_drift * sums.rate[:, None, :]
     J_c[:, :, layout.column(SCALE)] = -in_m(D.unscaled[:, None] * D.travel)
     if (delay := layout.find(DELAY)) is not None:
         J_c[:, :, delay] = -in_m(gain[:, None] * so3.mv(sums.distance_rate, ey))

@@ -29,7 +29,7 @@ from factors.block import (
 )
 from factors.calibration import Layout
 from factors.estimate import Estimate
-from factors.preintegration import ACCEL, GYRO, Preintegrated
+from factors.preintegration import Preintegrated
 
 AXES = ("theta_x", "theta_y", "theta_z", "v_x", "v_y", "v_z", "p_x", "p_y", "p_z")
 
@@ -64,7 +64,8 @@ def inertial(
 
     Returns a block of 9 rows [theta rad, v m/s, p m] in the body frame of node i, whitened.
     """
-    m = _motion(pre, field, x, x.calibration[scope.segment, layout.bias] - pre.bias)
+    errors = layout.imu_errors_of(x.calibration)[scope.segment]
+    m = _motion(pre, field, x, errors - pre.errors)
     n = len(pre.T)
     residual = np.concatenate(
         [
@@ -75,13 +76,14 @@ def inertial(
         axis=1,
     )
     J_i, J_j = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))
-    J_b = np.zeros((n, 9, 6))
-    _attitude_rows(pre, m, J_i, J_j, J_b)
-    _velocity_rows(pre, field, m, J_i, J_j, J_b)
-    _position_rows(pre, field, m, J_i, J_j, J_b)
+    J_e = np.zeros((n, 9, 12))
+    _attitude_rows(pre, m, J_i, J_j, J_e)
+    _velocity_rows(pre, field, m, J_i, J_j, J_e)
+    _position_rows(pre, field, m, J_i, J_j, J_e)
     white = pre.whitening
     J_c = np.zeros((n, 9, layout.dim))
-    J_c[:, :, layout.bias] = white @ J_b
+    columns, which = layout.imu_errors
+    J_c[:, :, columns] = (white @ J_e)[:, :, which]
     return Block(
         kind=kinds.INERTIAL,
         axes=AXES,
@@ -97,10 +99,10 @@ class _Motion:
 
     T: Array  # (n, 1) s
     R_ni_T: Array  # (n, 3, 3) attitude of node i, transposed
-    dR: Array  # (n, 3, 3) sensed rotation with the biases in force
+    dR: Array  # (n, 3, 3) sensed rotation with the errors in force
     dv: Array  # (n, 3)
     dp: Array
-    bias_turn: Array  # (n, 3) rad, by which the change of the gyro bias turned dR
+    error_turn: Array  # (n, 3) rad, by which the change of the gyro's errors turned dR
     E: Array  # (n, 3, 3) predicted to estimated attitude of node j
     angle: Array  # (n, 3) its logarithm
     Omega_b: Array  # (n, 3) Earth rate
@@ -110,17 +112,16 @@ class _Motion:
     y_p: Array
 
 
-def _motion(pre: Preintegrated, field: EarthField, x: Estimate, db: Array) -> _Motion:
-    """`db` (n, 6): the biases in force less those of the preintegration."""
+def _motion(pre: Preintegrated, field: EarthField, x: Estimate, de: Array) -> _Motion:
+    """`de` (n, 12): the sensors' errors in force less those of the preintegration."""
     R_i, R_j = x.R_nb[:-1], x.R_nb[1:]
     v_i, v_j, p_i, p_j = x.v_n[:-1], x.v_n[1:], x.p_n[:-1], x.p_n[1:]
     R_ni_T = so3.transpose(R_i)
     T, Omega = pre.T[:, None], field.Omega_n
-    gyro, accel = db[:, GYRO], db[:, ACCEL]
-    bias_turn = so3.mv(pre.dR_dbg, gyro)
-    dR = pre.dR @ so3.exp(bias_turn)
-    dv = pre.dv + so3.mv(pre.dv_dbg, gyro) + so3.mv(pre.dv_dba, accel)
-    dp = pre.dp + so3.mv(pre.dp_dbg, gyro) + so3.mv(pre.dp_dba, accel)
+    error_turn = so3.mv(pre.dR_de, de)
+    dR = pre.dR @ so3.exp(error_turn)
+    dv = pre.dv + so3.mv(pre.dv_de, de)
+    dp = pre.dp + so3.mv(pre.dp_de, de)
     E = so3.transpose(so3.exp(-Omega * T) @ R_i @ dR) @ R_j
     coriolis_v = 2 * so3.cross(Omega, p_j - p_i)
     coriolis_p = so3.cross(Omega, v_i * T**2 + (v_j - v_i) * T**2 / 3)
@@ -130,7 +131,7 @@ def _motion(pre: Preintegrated, field: EarthField, x: Estimate, db: Array) -> _M
         dR=dR,
         dv=dv,
         dp=dp,
-        bias_turn=bias_turn,
+        error_turn=error_turn,
         E=E,
         angle=so3.log(E),
         Omega_b=so3.mv(R_ni_T, np.broadcast_to(Omega, (len(T), 3))),
@@ -141,16 +142,16 @@ def _motion(pre: Preintegrated, field: EarthField, x: Estimate, db: Array) -> _M
     )
 
 
-def _attitude_rows(pre: Preintegrated, m: _Motion, J_i: Array, J_j: Array, J_b: Array) -> None:
+def _attitude_rows(pre: Preintegrated, m: _Motion, J_i: Array, J_j: Array, J_e: Array) -> None:
     out = pre.dR @ so3.right_jacobian_inverse(m.angle)
     back = -out @ so3.transpose(m.E)
     J_i[:, ROTATION, ROTATION] = back @ so3.transpose(m.dR)
     J_j[:, ROTATION, ROTATION] = out
-    J_b[:, ROTATION, GYRO] = back @ so3.right_jacobian(m.bias_turn) @ pre.dR_dbg
+    J_e[:, ROTATION] = back @ so3.right_jacobian(m.error_turn) @ pre.dR_de
 
 
 def _velocity_rows(
-    pre: Preintegrated, field: EarthField, m: _Motion, J_i: Array, J_j: Array, J_b: Array
+    pre: Preintegrated, field: EarthField, m: _Motion, J_i: Array, J_j: Array, J_e: Array
 ) -> None:
     T, W = m.T[:, :, None], so3.skew(m.Omega_b)
     turn, sag = m.R_ni_T @ so3.skew(field.Omega_n), m.R_ni_T @ field.gradient
@@ -158,13 +159,12 @@ def _velocity_rows(
     J_i[:, VELOCITY, VELOCITY], J_j[:, VELOCITY, VELOCITY] = -m.R_ni_T, m.R_ni_T
     J_i[:, VELOCITY, POSITION] = -2 * turn - sag * T / 2
     J_j[:, VELOCITY, POSITION] = 2 * turn - sag * T / 2
-    # the bias also enters the small Earth-rate term, at 1e-4 of its main effect
-    J_b[:, VELOCITY, GYRO] = W @ (T * pre.dv_dbg - pre.dp_dbg) - pre.dv_dbg
-    J_b[:, VELOCITY, ACCEL] = W @ (T * pre.dv_dba - pre.dp_dba) - pre.dv_dba
+    # the errors also enter the small Earth-rate term, at 1e-4 of their main effect
+    J_e[:, VELOCITY] = W @ (T * pre.dv_de - pre.dp_de) - pre.dv_de
 
 
 def _position_rows(
-    pre: Preintegrated, field: EarthField, m: _Motion, J_i: Array, J_j: Array, J_b: Array
+    pre: Preintegrated, field: EarthField, m: _Motion, J_i: Array, J_j: Array, J_e: Array
 ) -> None:
     T, W = m.T[:, :, None], so3.skew(m.Omega_b)
     turn, sag = m.R_ni_T @ so3.skew(field.Omega_n), m.R_ni_T @ field.gradient
@@ -173,6 +173,4 @@ def _position_rows(
     J_j[:, POSITION, VELOCITY] = turn * (T**2 / 3)
     J_i[:, POSITION, POSITION] = -m.R_ni_T - sag * T**2 / 4
     J_j[:, POSITION, POSITION] = m.R_ni_T - sag * T**2 / 4
-    earth = W * (T / 3) - np.eye(3)
-    J_b[:, POSITION, GYRO] = earth @ pre.dp_dbg
-    J_b[:, POSITION, ACCEL] = earth @ pre.dp_dba
+    J_e[:, POSITION] = (W * (T / 3) - np.eye(3)) @ pre.dp_de

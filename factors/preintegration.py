@@ -1,11 +1,12 @@
-"""Inertial increments summed between nodes: mean motion, bias Jacobians and noise in closed form.
+"""Inertial increments summed between nodes: mean motion, Jacobians by the
+sensors' errors and noise in closed form.
 
 With `C_k` the gyro-integrated rotation since the node, every quantity is a sum over increments, so
 all intervals of a run are integrated in a handful of array passes (Forster et al. 2017, written as
 sums instead of recursions).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,8 @@ from factors import so3
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
-GYRO, ACCEL = slice(0, 3), slice(3, 6)  # columns of a bias (n, 6)
+# columns of the sensors' errors (n, 12): biases [rad/s, m/s^2] and scale factors [1]
+GYRO, ACCEL, GYRO_SCALE, ACCEL_SCALE = (slice(k, k + 3) for k in range(0, 12, 3))
 THETA, V, P = slice(0, 3), slice(3, 6), slice(6, 9)  # rows of the covariance of an interval
 
 
@@ -51,14 +53,12 @@ class Preintegrated:
     dR: Array  # (n, 3, 3) body j to body i, non-rotating
     dv: Array  # (n, 3) m/s
     dp: Array  # (n, 3) m
-    dR_dbg: Array  # (n, 3, 3) right perturbation of dR per gyro bias
-    dv_dbg: Array  # (n, 3, 3)
-    dv_dba: Array
-    dp_dbg: Array
-    dp_dba: Array
+    dR_de: Array  # (n, 3, 12) right perturbation of dR per error of the sensors
+    dv_de: Array  # (n, 3, 12)
+    dp_de: Array
     whitening: Array  # (n, 9, 9) inverse Cholesky factor of the covariance of [theta, v, p]
     C: Array  # (M + 1, 3, 3) rotation since its node at every edge; the first of each interval is I
-    bias: Array  # (n, 6) gyro and accelerometer bias it was integrated with
+    errors: Array  # (n, 12) of the sensors, that it was integrated with
 
 
 def interval_of_increment(nodes: Index) -> Index:
@@ -83,52 +83,88 @@ def since_node(rotation: Array, nodes: Index) -> Array:
     return C
 
 
-def preintegrate(inc: Increments, nodes: Index, bias: Array, noise: InertialNoise) -> Preintegrated:
-    """Integrate between nodes given as edge numbers (N,) with biases (N - 1, 6) [rad/s, m/s^2].
+def corrected(inc: Increments, errors: Array) -> Increments:
+    """Increments less what the sensors' errors (M, 12) or (12,) add: `measured - b dt - s measured`
+    by axis (Source: Groves 2013, 4.4).
+
+    An increment's own rotation turns its bias only by half its angle: well below the noise.
+    """
+    dt = np.diff(inc.edge)[:, None]
+    push = errors[..., ACCEL]
+    kept = 1 - errors[..., ACCEL_SCALE]
+    return replace(
+        inc,
+        rotation=inc.rotation * (1 - errors[..., GYRO_SCALE]) - errors[..., GYRO] * dt,
+        velocity=inc.velocity * kept - push * dt,
+        position=inc.position * kept - 0.5 * push * dt * dt,
+    )
+
+
+def preintegrate(
+    inc: Increments, nodes: Index, errors: Array, noise: InertialNoise
+) -> Preintegrated:
+    """Integrate between nodes given as edge numbers (N,) with the sensors' errors (N - 1, 12).
 
     The nodes must span all increments: `nodes[0] == 0`, `nodes[-1] == M`.
     """
     owner = interval_of_increment(nodes)
-    dt = np.diff(inc.edge)
-    # an increment's own rotation turns its bias only by half its angle: well below the noise
-    rotation = inc.rotation - bias[owner, GYRO] * dt[:, None]
-    velocity = inc.velocity - bias[owner, ACCEL] * dt[:, None]
-    position = inc.position - 0.5 * bias[owner, ACCEL] * (dt * dt)[:, None]
-    C = since_node(rotation, nodes)
-    C_mid = C @ so3.exp(0.5 * rotation)
-
-    first = nodes[:-1]
-    total = _summer(first)
+    true = corrected(inc, errors[owner])
+    C = since_node(true.rotation, nodes)
+    total = _summer(nodes[:-1])
     T = np.diff(inc.edge[nodes])
     rest = inc.edge[nodes[1:]][owner] - inc.edge[1:]  # time left after each increment
-    rest_mid = rest + 0.5 * dt
-    a = so3.mv(C, velocity)
+    a = so3.mv(C, true.velocity)
     dv = total(a)
-    dp = total(a * rest[:, None] + so3.mv(C, position))
-    # a velocity bias acts through C_mid dt, a gyro bias through the angle built up so far
-    Cdt = C_mid * dt[:, None, None]
-    A = total(Cdt)
-    before = np.cumsum(Cdt, 0)
-    before = before - 0.5 * Cdt - (before - Cdt)[first][owner]
-    tilt = so3.skew(a) @ before
     last = nodes[1:] - 1
-    dR = C[last] @ so3.exp(rotation[last])
+    dR = C[last] @ so3.exp(true.rotation[last])
+    by_error = _by_error(inc, true, C, nodes)
     return Preintegrated(
         T=T,
         dR=dR,
         dv=dv,
-        dp=dp,
-        dR_dbg=-so3.transpose(dR) @ A,
-        dv_dbg=total(tilt),
-        dv_dba=-A,
-        dp_dbg=total(tilt * rest_mid[:, None, None]),
-        dp_dba=-total(Cdt * rest_mid[:, None, None]),
+        dp=total(a * rest[:, None] + so3.mv(C, true.position)),
+        dR_de=-so3.transpose(dR) @ by_error[0],
+        dv_de=by_error[1],
+        dp_de=by_error[2],
         whitening=_whitening(
             T, dv / T[:, None], np.sqrt(total(inc.jump**2)), _densities(inc, nodes, noise)
         ),
         C=np.concatenate([C, dR[-1:]]),
-        bias=bias,
+        errors=errors,
     )
+
+
+def _by_error(
+    inc: Increments, true: Increments, C: Array, nodes: Index
+) -> tuple[Array, Array, Array]:
+    """Angle taken off in the frame of the node, and derivatives of velocity and position change,
+    per error of the sensors, (n, 3, 12) each.
+    """
+    first, owner, total = nodes[:-1], interval_of_increment(nodes), _summer(nodes[:-1])
+    dt = np.diff(inc.edge)[:, None]
+    rest_mid = (inc.edge[nodes[1:]][owner] - 0.5 * (inc.edge[1:] + inc.edge[:-1]))[:, None, None]
+    C_mid = C @ so3.exp(0.5 * true.rotation)
+    felt = so3.skew(so3.mv(C, true.velocity))
+
+    def turned(by: Array) -> tuple[Array, Array, Array]:
+        """Gyro errors that turn an increment by `by` (M, 3 or 1) rad, and through the angle built
+        up so far what is felt later.
+        """
+        angle = C_mid * by[:, None, :]
+        before = np.cumsum(angle, 0)
+        before = before - 0.5 * angle - (before - angle)[first][owner]
+        tilt = felt @ before
+        return total(angle), total(tilt), total(tilt * rest_mid)
+
+    def pushed(by: Array) -> tuple[Array, Array, Array]:
+        """Accelerometer errors that push an increment by `by` (M, 3 or 1) m/s."""
+        push = -C_mid * by[:, None, :]
+        dv = total(push)
+        return np.zeros_like(dv), dv, total(push * rest_mid)
+
+    parts = turned(dt), pushed(dt), turned(inc.rotation), pushed(inc.velocity)
+    by_R, by_v, by_p = (np.concatenate(x, 2) for x in zip(*parts, strict=True))
+    return by_R, by_v, by_p
 
 
 class _summer:

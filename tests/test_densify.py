@@ -25,16 +25,16 @@ def drive() -> tuple[Increments, Nodes, Preintegrated, Estimate]:
     inc = Increments(edge, rotation, velocity, velocity * 0.025, np.zeros(count))
     nodes = place_nodes(edge, np.array([3.3, 7.75]), NONE, np.zeros((0, 2)))
     n = len(nodes.time)
-    pre = preintegrate(inc, nodes.edge, np.zeros((n - 1, 6)), InertialNoise(1e-5, 1e-4))
+    pre = preintegrate(inc, nodes.edge, np.zeros((n - 1, 12)), InertialNoise(1e-5, 1e-4))
     start = so3.exp(np.array([0.05, -0.03, 0.4])), np.array([1.0, 8.0, 0.2])
     R, v, p = inertial_path(pre, *start, ORIGIN, np.eye(3), held=False)
-    return inc, nodes, pre, Estimate(R, v, p, np.zeros(n), np.zeros((1, 6)))
+    return inc, nodes, pre, Estimate(R, v, p, np.zeros(n), np.zeros((1, 12)))
 
 
 def moved(estimate: Estimate, size: float) -> Estimate:
     """Nodes corrected by some smoother."""
     change = size * np.random.default_rng(2).normal(size=(len(estimate.v_n), 10))
-    return estimate.retract(change, np.zeros((1, 6)))
+    return estimate.retract(change, np.zeros((1, 12)))
 
 
 @pytest.mark.parametrize("size", [0.0, 0.01, 0.3])
@@ -52,7 +52,7 @@ def test_nodes_of_an_inertial_navigation_leave_nothing_to_spread() -> None:
     inc, nodes, pre, estimate = drive()
     path = densify(inc, pre, nodes, estimate, ORIGIN)
     every = np.arange(len(inc.edge))
-    fine = preintegrate(inc, every, np.zeros((len(every) - 1, 6)), InertialNoise(1e-5, 1e-4))
+    fine = preintegrate(inc, every, np.zeros((len(every) - 1, 12)), InertialNoise(1e-5, 1e-4))
     start = estimate.R_nb[0], estimate.v_n[0]
     R, v, p = inertial_path(fine, *start, ORIGIN, np.eye(3), held=False)
     np.testing.assert_allclose(path.p_n, p, atol=1e-4)

@@ -21,18 +21,19 @@ from factors.heading import Bearing, heading
 from factors.inertial import EarthField, inertial, predict
 from factors.initial_state import InitialState, initial_state
 from factors.position import Carried, Fixes, position
-from factors.preintegration import Increments, InertialNoise, Preintegrated, preintegrate
+from factors.preintegration import Increments, InertialNoise, Preintegrated, corrected, preintegrate
 from factors.standstill import StandstillNoise, standstill
 from factors.track_width import track_width
 from factors.velocity import VelocityReading, velocity
 
 SIZES = {
-    "gyro_bias": 3, "accel_bias": 3, "scale": 1, "mounting": 2, "lever": 3, "delay": 1,
+    "gyro_bias": 3, "accel_bias": 3, "gyro_scale": 3, "accel_scale": 3, "scale": 1,
+    "mounting": 2, "lever": 3, "delay": 1,
     "forward:low": 1, "lateral:low": 1, "cornering": 1, "track_width": 1, "antenna": 3,
     "gnss_offset": 3, "gnss_delay": 1,
 }  # fmt: skip
 LAYOUT = Layout(tuple(Component(name, np.zeros(d), np.ones(d)) for name, d in SIZES.items()))
-DIM, BIAS = LAYOUT.dim, LAYOUT.bias
+DIM, ERRORS = LAYOUT.dim, LAYOUT.imu_errors[0]
 NODES = np.array([0, 20, 40, 55])
 SEGMENT = np.array([0, 0, 1])
 OMEGA = np.array([0.0, 5e-5, 5e-5])
@@ -53,8 +54,8 @@ def make_increments(rng: np.random.Generator, turning: float = 0.3) -> Increment
 
 
 def make_pre(rng: np.random.Generator) -> Preintegrated:
-    bias = 1e-3 * rng.normal(size=(3, 6))
-    return preintegrate(make_increments(rng), NODES, bias, InertialNoise(1e-5, 1e-3))
+    errors = 1e-3 * rng.normal(size=(3, 12))
+    return preintegrate(make_increments(rng), NODES, errors, InertialNoise(1e-5, 1e-3))
 
 
 def scope(node: np.ndarray | list[int], segment: np.ndarray | list[int]) -> Scope:
@@ -71,11 +72,11 @@ def inertial_of(pre: Preintegrated, field: EarthField, x: Estimate) -> Block:
 
 @SEEDS
 def test_inertial_jacobian(seed: int) -> None:
-    """Whole chain: states near a prediction, biases near the linearisation point."""
+    """Whole chain: states near a prediction, sensor errors near the linearisation point."""
     rng = np.random.default_rng(seed)
     pre = make_pre(rng)
     x = random_estimate(rng, 4, 2, DIM)
-    x.calibration[:, BIAS] = 1e-3 * rng.normal(size=(2, 6))
+    x.calibration[:, ERRORS] = 1e-3 * rng.normal(size=(2, 12))
     for k in range(3):  # relative rotations near the measured ones keep Log away from pi
         near = so3.exp(0.1 * rng.normal(size=3))
         x.R_nb[k + 1] = x.R_nb[k] @ pre.dR[k] @ near
@@ -113,7 +114,7 @@ def test_inertial_is_zero_on_its_own_prediction() -> None:
         p.append(p_j)
     c = np.zeros((2, DIM))
     x = Estimate(np.array(R), np.array(v), np.array(p), np.zeros(4), c)
-    pre0 = Preintegrated(**{**pre.__dict__, "bias": np.zeros((3, 6))})
+    pre0 = Preintegrated(**{**pre.__dict__, "errors": np.zeros((3, 12))})
     block = inertial_of(pre0, EarthField(OMEGA, np.tile(g, (3, 1)), np.zeros((3, 3))), x)
     raw = np.linalg.solve(pre.whitening, block.residual[:, :, None])[:, :, 0]
     assert np.abs(raw).max() < 1e-8
@@ -128,8 +129,9 @@ def random_reading(rng: np.random.Generator) -> DisplacementReading:
         turn_abs=0.3 * so3.exp(0.1 * rng.normal(size=(3, 3))),
         bend=0.5 * so3.exp(0.1 * rng.normal(size=(3, 3))),
         R_mid=so3.exp(0.2 * rng.normal(size=(3, 3))),
+        rate=0.3 * rng.normal(size=(3, 3)),
         delay=0.02,
-        bias=np.zeros((3, 3)),
+        drift=np.zeros((3, 3)),
     )
     forward, lateral = np.array([1.0, 0.87, 0.7]), np.array([0.0, 0.4, 0.3])
     at_f, at_l = LAYOUT.column("forward:low"), LAYOUT.column("lateral:low")
@@ -148,13 +150,15 @@ def test_displacement_jacobian(seed: int) -> None:
     rng = np.random.default_rng(seed)
     reading = random_reading(rng)
     x = random_estimate(rng, 4, 2, DIM)
-    sums = replace(reading.sums, bias=x.calibration[SEGMENT][:, LAYOUT.slices["gyro_bias"]])
+    errors = LAYOUT.imu_errors_of(x.calibration)[SEGMENT]
+    drift = errors[:, :3] + errors[:, 6:9] * reading.sums.rate
+    sums = replace(reading.sums, drift=drift)
     reading = replace(reading, sums=sums)
     assert_jacobian(lambda e: displacement(reading, LAYOUT, INTERVALS, e), x)
 
 
-def test_displacement_follows_gyro_bias_and_delay() -> None:
-    """The two terms that are sums over increments: against sums made anew."""
+def test_displacement_follows_gyro_errors_and_delay() -> None:
+    """The terms that are sums over increments: against sums made anew."""
     from graphnav.common.run import Odometer
     from graphnav.inertial.odometry import odometer_steps, odometer_sums
 
@@ -162,37 +166,34 @@ def test_displacement_follows_gyro_bias_and_delay() -> None:
     inc = make_increments(rng, 0.01)  # the bias term is first order in the turn of an interval
     t = np.arange(-1, 4, 0.01)
     odometer = Odometer(t, 3 * t + 0.3 * np.sin(3 * t), 3 + 0.9 * np.cos(3 * t), 0.0)
-    none = np.zeros(0, np.int64)
+    held = np.zeros(0, np.int64)
     reading = replace(
         random_reading(rng),
         gauge=np.zeros(3),
-        lateral=Coefficient(np.zeros(3), none, none),
+        lateral=Coefficient(np.zeros(3), held, held),
         roll=0.0,
     )
     x = random_estimate(rng, 4, 2, DIM)
     x.calibration[:] = 0
     x.calibration[:, LAYOUT.column("forward:low")] = 0.9
 
-    def residual(bias: np.ndarray, delay: float) -> Block:
-        pre = preintegrate(
-            inc, NODES, np.tile(np.append(bias, [0, 0, 0]), (3, 1)), InertialNoise(1, 1)
-        )
-        steps = odometer_steps(inc, odometer, delay, np.zeros(55), np.zeros(55))
+    def residual(errors: np.ndarray, delay: float) -> Block:
+        pre = preintegrate(inc, NODES, np.tile(errors, (3, 1)), InertialNoise(1, 1))
+        steps = odometer_steps(corrected(inc, errors), odometer, delay, np.zeros(55))
         sums = odometer_sums(inc, pre, NODES, steps, np.zeros((3, 3)))
         # only the sums are compared: the axes stay, and the factor adds no first-order change
-        fixed = {"R_mid": np.tile(np.eye(3), (3, 1, 1)), "delay": 0.0, "bias": np.zeros((3, 3))}
+        fixed = {"R_mid": np.tile(np.eye(3), (3, 1, 1)), "delay": 0.0, "drift": np.zeros((3, 3))}
         sums = OdometerSums(**{**sums.__dict__, **fixed})
         return displacement(replace(reading, sums=sums), LAYOUT, INTERVALS, x)
 
-    J = residual(np.zeros(3), 0.0).terms[2].jacobian
+    none = np.zeros(12)
+    J = residual(none, 0.0).terms[2].jacobian
     h = 1e-5
     for axis in range(3):
-        d = np.eye(3)[axis] * h
+        d = np.eye(12)[axis] * h
         numerical = (residual(d, 0.0).residual - residual(-d, 0.0).residual) / (2 * h)
         np.testing.assert_allclose(J[:, :, axis], numerical, atol=0.03 * np.abs(J[:, :, :3]).max())
-    numerical = (
-        residual(np.zeros(3), 0.02).residual - residual(np.zeros(3), -0.02).residual
-    ) / 0.04
+    numerical = (residual(none, 0.02).residual - residual(none, -0.02).residual) / 0.04
     J_delay = J[:, :, LAYOUT.column("delay")]
     np.testing.assert_allclose(J_delay, numerical, atol=0.03 * np.abs(J_delay).max())
 

@@ -86,7 +86,7 @@ def preintegrated(driven: Drive) -> tuple[Preintegrated, Array]:
     inc = increments(driven.imu)
     last = len(inc.edge) - 1
     nodes = np.unique(np.append(np.arange(0, last, EVERY), last))
-    pre = preintegrate(inc, nodes, np.zeros((len(nodes) - 1, 6)), NOISE)
+    pre = preintegrate(inc, nodes, np.zeros((len(nodes) - 1, 12)), NOISE)
     return pre, np.round(inc.edge[nodes] * RATE_HZ).astype(np.int64)
 
 

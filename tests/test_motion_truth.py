@@ -13,7 +13,7 @@ from factors.block import Array, Scope
 from factors.calibration import Component, Layout
 from factors.displacement import Coefficient, DisplacementReading, displacement
 from factors.estimate import Estimate
-from factors.preintegration import Increments, InertialNoise, preintegrate
+from factors.preintegration import Increments, InertialNoise, corrected, preintegrate
 from factors.track_width import track_width
 from factors.velocity import VelocityReading, velocity
 from graphnav.common.run import Odometer
@@ -104,11 +104,12 @@ def calibration(tau: float, factor: float, kappa_l: float) -> Array:
 def reading_of(d: Drive, gauge: float, bias: Array, delay: float) -> DisplacementReading:
     """The odometer summed as graphnav does, with a bias and a delay near the truth."""
     earth = so3.transpose(d.x.R_nb[:-1]) @ OMEGA
-    six = np.tile(np.append(bias, np.zeros(3)), (len(NODES) - 1, 1))
-    pre = preintegrate(d.inc, NODES, six, InertialNoise(1e-4, 1e-2))
+    errors = np.append(bias, np.zeros(9))
+    pre = preintegrate(
+        d.inc, NODES, np.tile(errors, (len(NODES) - 1, 1)), InertialNoise(1e-4, 1e-2)
+    )
     owner = np.repeat(np.arange(len(NODES) - 1), np.diff(NODES))
-    bias_z = np.full(len(owner), bias[2])
-    steps = odometer_steps(d.inc, d.odometer, delay, bias_z, earth[owner, 2])
+    steps = odometer_steps(corrected(d.inc, errors), d.odometer, delay, earth[owner, 2])
     n, every = len(NODES) - 1, np.arange(len(NODES) - 1)
 
     def own(name: str) -> Coefficient:

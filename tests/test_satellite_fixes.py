@@ -67,7 +67,7 @@ def test_fixes_are_carried_to_their_time(seed: int) -> None:
     force = 0.5 * (force[1:] + so3.mv(so3.exp(1e-3 * spin)[None], force[1:])) * 1e-3
     inc = Increments(t, np.tile(1e-3 * spin, (3000, 1)), force, 5e-4 * force, np.zeros(3000))
     edge = np.array([0, 1000, 2000, 3000])
-    pre = preintegrate(inc, edge, np.zeros((3, 6)), InertialNoise(1e-5, 1e-3))
+    pre = preintegrate(inc, edge, np.zeros((3, 12)), InertialNoise(1e-5, 1e-3))
     true, lever, delay = np.array([0.2, 0.5, 1.37, 2.0, 2.93]), rng.normal(size=3), 0.1
     nodes = Nodes(edge, t[edge], np.zeros(3, np.int64), np.array([1.5]))
     on, scope_ = between(nodes, true)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from runs import shared
 
 from graphnav.common.errors import InputError
+from graphnav.graph.calibrations import scale_components
 from graphnav.reading import columns, units
 from graphnav.reading.axes import DIRECTIONS, axes_matrix, axes_name
 from graphnav.reading.vehicle import GRADES, BodySpec, ImuSpec, OdometerSpec, StartSpec
@@ -182,3 +183,21 @@ def test_shared_vehicle_files_read(name: str) -> None:
     vehicle = load_vehicle(None, shared(name))
     assert vehicle.imu.assumed == ()
     assert (vehicle.kind == "tracked") == (name in ("husky", "sim_tracked"))
+
+
+def test_scale_factors_go_by_the_grade_whose_bias_is_nearest() -> None:
+    gyros = parse_vehicle({**WHEELED, "imu": {"gyro_bias_deg_h": 0.02}}).imu
+    assert gyros.gyro_scale_ppm == GRADES["fog"]["gyro_scale_ppm"]
+    assert "gyro_scale_ppm" not in gyros.assumed and "accel_scale_ppm" in gyros.assumed
+    named = parse_vehicle({**WHEELED, "imu": {"grade": "tactical", "accel_bias_mg": 0.1}}).imu
+    assert named.accel_scale_ppm == GRADES["tactical"]["accel_scale_ppm"]
+
+
+def test_scale_factors_are_held_at_zero_and_opened_by_a_wrong_weight() -> None:
+    held = parse_vehicle({**WHEELED, "imu": {"gyro_scale_ppm": 0, "grade": "tactical"}})
+    [accel] = scale_components(held)
+    assert accel.name == "accel_scale" and accel.sd == pytest.approx([1e-3] * 3)
+    [same], [open_] = scale_components(held, 1.004), scale_components(held, 0.99)
+    assert same.sd == pytest.approx(accel.sd) and open_.sd == pytest.approx([0.01] * 3)
+    off = parse_vehicle({**WHEELED, "imu": {"gyro_scale_ppm": 0, "accel_scale_ppm": 0}})
+    assert scale_components(off, 0.99) == []

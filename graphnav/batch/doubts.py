@@ -86,6 +86,14 @@ CALIBRATIONS: dict[str, Cause] = {
         "the accelerometer's bias {component} is {value:.3g} mg",
         "check [imu] axes, the accelerometer's unit and [imu] accel_bias_mg or grade",
     ),
+    "gyro_scale_ppm": (
+        "the gyro's scale {component} is off by {value:.3g} ppm",
+        "check the gyro's unit and [imu] gyro_scale_ppm or grade",
+    ),
+    "accel_scale_ppm": (
+        "the accelerometer's scale {component} is off by {value:.3g} ppm",
+        "check the accelerometer's unit and [imu] accel_scale_ppm or grade",
+    ),
     "time_offset_s": (
         "the odometer's clock is {value:.2f} s late",
         "check how the odometer is stamped, or state [odometer] time_offset_s",

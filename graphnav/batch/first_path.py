@@ -43,8 +43,8 @@ def first_path(prep: Prepared, nodes: Nodes) -> FirstPath:
     origin = prep.setup.alignment.origin
     calibration = np.tile(prep.setup.layout.prior, (len(nodes.segment_time), 1))
     calibration[:, prep.setup.layout.slices[GYRO_BIAS]] = prep.setup.alignment.gyro_bias
-    bias = calibration[nodes.segment, prep.setup.layout.bias]
-    pre = preintegrate(prep.sensed.inc, nodes.edge, bias, prep.setup.noise)
+    errors = prep.setup.layout.imu_errors_of(calibration)[nodes.segment]
+    pre = preintegrate(prep.sensed.inc, nodes.edge, errors, prep.setup.noise)
 
     def dense(estimate: Estimate) -> Path:
         return densify(prep.sensed.inc, pre, nodes, estimate, origin)

@@ -6,12 +6,14 @@ import numpy as np
 
 from factors.calibration import (
     ACCEL_BIAS,
+    ACCEL_SCALE,
     ANTENNA,
     CORNERING,
     DELAY,
     GNSS_DELAY,
     GNSS_OFFSET,
     GYRO_BIAS,
+    GYRO_SCALE,
     LEVER,
     MOUNTING,
     SCALE,
@@ -21,7 +23,7 @@ from factors.calibration import (
 )
 from graphnav.batch.smoother import Smoothed
 from graphnav.common.run import Array
-from graphnav.graph.calibrations import COMMON_SHARE, DEG_H, MG
+from graphnav.graph.calibrations import COMMON_SHARE, DEG_H, MG, PPM
 from graphnav.result.solved import Calibrated
 
 XYZ = ("x", "y", "z")
@@ -76,6 +78,8 @@ def _of_sensors(smoothed: Smoothed) -> list[_Entry]:
     entries = [
         (GYRO_BIAS, "gyro_bias_deg_h", "deg/h", XYZ, DEG_H),
         (ACCEL_BIAS, "accel_bias_mg", "mg", XYZ, MG),
+        (GYRO_SCALE, "gyro_scale_ppm", "ppm", XYZ, PPM),
+        (ACCEL_SCALE, "accel_scale_ppm", "ppm", XYZ, PPM),
         (SCALE if counted else "", "odometer_scale", "1", ("scale",), 1.0),
         (MOUNTING, "mounting_deg", "deg", ("pitch", "heading"), DEG),
         (LEVER, "lever_arm_m", "m", XYZ, 1.0),

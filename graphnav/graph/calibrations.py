@@ -4,12 +4,14 @@ import numpy as np
 
 from factors.calibration import (
     ACCEL_BIAS,
+    ACCEL_SCALE,
     ANTENNA,
     CORNERING,
     DELAY,
     GNSS_DELAY,
     GNSS_OFFSET,
     GYRO_BIAS,
+    GYRO_SCALE,
     LEVER,
     MOUNTING,
     SCALE,
@@ -27,6 +29,7 @@ from graphnav.recognition.corrections import Correction
 DEG_H = np.deg2rad(1) / 3600  # rad/s
 DEG_SQRT_H = np.deg2rad(1) / 60  # rad/sqrt(s)
 MG = 1e-3 * G_STANDARD  # m/s^2
+PPM = 1e-6
 
 SURPRISING = 3.0  # sigma of its prior, beyond which a bias found overrules it
 BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hour
@@ -45,17 +48,21 @@ def layout(
     two_sided: bool = False,
     gyro_bias: Array | None = None,
     fix_delay: float = 0.0,
+    weight: float = 1.0,
 ) -> Layout:
-    """The calibration vector: biases, scale, mounting, lever arm, delay, and the ground by state.
+    """The calibration vector: biases and scale factors of the IMU, the odometer's scale, mounting,
+    lever arm and delay, and the ground by state.
 
     With fixes in use also the antenna's lever arm, their common offset and their delay, which is
     expected to be `fix_delay` s. A `gyro_bias` (3,) rad/s that the alignment has found far outside
-    its prior widens it.
+    its prior widens it, and so does a `weight`, the force at rest over gravity, that of the
+    accelerometers' scale.
     """
     odometer = vehicle.odometer
     mount_sd = np.deg2rad(odometer.mount_sd_deg)
     components = [
         *bias_components(vehicle, gyro_bias),
+        *scale_components(vehicle, weight),
         Component(SCALE, np.zeros(1), _one(odometer.scale_sd), SCALE_WALK),
         Component(MOUNTING, odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
         Component(LEVER, odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
@@ -95,6 +102,20 @@ def bias_components(
         Component(GYRO_BIAS, np.zeros(3), gyro_sd, BIAS_DRIFT * gyro),
         Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
     )
+
+
+def scale_components(vehicle: Vehicle, weight: float = 1.0) -> list[Component]:
+    """Scale factors of gyros and accelerometers, those that are not held.
+
+    The force at rest shows one axis only, and not apart from its bias; but where it is beyond both
+    (`weight`, over gravity) nothing says that the other axes are better.
+    """
+    spec, off = vehicle.imu, abs(weight - 1)
+    gyro, accel = spec.gyro_scale_ppm * PPM, spec.accel_scale_ppm * PPM
+    if off > SURPRISING * np.hypot(accel, spec.accel_bias_mg * 1e-3):
+        accel = max(accel, off) if accel > 0 else 0.0
+    sds = {GYRO_SCALE: gyro, ACCEL_SCALE: accel}
+    return [Component(k, np.zeros(3), np.full(3, sd)) for k, sd in sds.items() if sd > 0]
 
 
 def gnss_components(vehicle: Vehicle, gnss: Gnss | None, delay: float = 0.0) -> list[Component]:

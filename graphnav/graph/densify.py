@@ -7,7 +7,7 @@ import numpy as np
 from factors import so3
 from factors.block import Index
 from factors.estimate import Estimate
-from factors.preintegration import ACCEL, Increments, Preintegrated, interval_of_increment
+from factors.preintegration import Increments, Preintegrated, corrected, interval_of_increment
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array
 from graphnav.graph.nodes import Nodes
@@ -87,9 +87,9 @@ def inside_intervals(
     """
     owner = interval_of_increment(nodes)
     dt = np.diff(inc.edge)[:, None]
-    bias = pre.bias[owner, ACCEL]
-    own = so3.mv(pre.C[:-1], inc.velocity - bias * dt)
-    inside = so3.mv(pre.C[:-1], inc.position - 0.5 * bias * dt * dt)
+    true = corrected(inc, pre.errors[owner])
+    own = so3.mv(pre.C[:-1], true.velocity)
+    inside = so3.mv(pre.C[:-1], true.position)
     V = _running(own, nodes, owner)
     return own, inside, V, _running((V - own) * dt + inside, nodes, owner)
 

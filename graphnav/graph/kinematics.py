@@ -3,8 +3,9 @@
 import numpy as np
 
 from factors import so3
-from factors.calibration import ACCEL_BIAS, DELAY, GYRO_BIAS, LEVER, MOUNTING
+from factors.calibration import DELAY, LEVER, MOUNTING
 from factors.estimate import Estimate
+from factors.preintegration import corrected
 from graphnav.graph.densify import Path
 from graphnav.graph.nodes import Nodes
 from graphnav.graph.preparation import Prepared
@@ -27,13 +28,11 @@ def kinematics(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | No
     tilt = c[layout.slices[MOUNTING]]
     R_mb = so3.exp(np.array([tilt[0], prep.setup.vehicle.odometer.mount_b[1], tilt[1]])).T
     dt = np.diff(path.time)[:, None]
-    inc = prep.sensed.inc
+    inc = corrected(prep.sensed.inc, layout.imu_errors_of(c))
     R, Omega = path.R_nb[:-1], prep.setup.alignment.origin.Omega_n
-    turn = inc.rotation / dt - c[layout.slices[GYRO_BIAS]]
-    rate_b = turn - so3.mtv(R, np.broadcast_to(Omega, (len(R), 3)))
+    rate_b = inc.rotation / dt - so3.mtv(R, np.broadcast_to(Omega, (len(R), 3)))
     g_n = prep.setup.alignment.origin.gravity(path.p_n[:1])
-    felt = inc.velocity / dt - c[layout.slices[ACCEL_BIAS]]
-    force_m = (felt + so3.mtv(R, np.broadcast_to(g_n, (len(R), 3)))) @ R_mb.T
+    force_m = (inc.velocity / dt + so3.mtv(R, np.broadcast_to(g_n, (len(R), 3)))) @ R_mb.T
     v_m = (so3.mtv(R, path.v_n[:-1]) + so3.cross(rate_b, lever)) @ R_mb.T
     mid = 0.5 * (path.time[1:] + path.time[:-1])
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from factors import kinds, so3
 from factors.block import Index
-from factors.calibration import DELAY, GYRO_BIAS, TRACK_WIDTH, Layout, forward_of, lateral_of
+from factors.calibration import DELAY, TRACK_WIDTH, Layout, forward_of, lateral_of
 from factors.displacement import (
     Coefficient,
     DisplacementReading,
@@ -13,7 +13,7 @@ from factors.displacement import (
     phase_prior,
 )
 from factors.estimate import Estimate
-from factors.preintegration import Preintegrated, interval_of_increment
+from factors.preintegration import Preintegrated, corrected, interval_of_increment
 from factors.track_width import track_width
 from factors.velocity import VelocityReading, velocity
 from graphnav.common.run import Array, Odometer
@@ -58,16 +58,15 @@ def _inside(moving: Index, nodes: Nodes, time: Array) -> Index:
 
 
 def sums_of(prep: Prepared, nodes: Nodes, pre: Preintegrated, at: Estimate) -> OdometerSums:
-    """Odometer sums with the delay and the gyro bias of an estimate."""
+    """Odometer sums with the delay of an estimate."""
     assert prep.sensed.run.odometer is not None
     delay = delay_of(prep, at)
     owner = interval_of_increment(nodes.edge)
     earth = at.R_nb[:-1].transpose(0, 2, 1) @ prep.setup.alignment.origin.Omega_n
-    bias = at.calibration[nodes.segment, prep.setup.layout.slices[GYRO_BIAS]][:, 2]
-    steps = odometer_steps(
-        prep.sensed.inc, prep.sensed.run.odometer, delay, bias[owner], earth[owner, 2]
-    )
-    return odometer_sums(prep.sensed.inc, pre, nodes.edge, steps, earth)
+    inc = prep.sensed.inc
+    true = corrected(inc, pre.errors[owner])
+    steps = odometer_steps(true, prep.sensed.run.odometer, delay, earth[owner, 2])
+    return odometer_sums(inc, pre, nodes.edge, steps, earth)
 
 
 def delay_of(prep: Prepared, at: Estimate) -> float:

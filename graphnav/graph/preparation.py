@@ -18,7 +18,7 @@ from graphnav.inertial.fix_delay import found_delay
 from graphnav.inertial.heading_sources import STATED
 from graphnav.inertial.increments import increments
 from graphnav.inertial.orientation import oriented
-from graphnav.inertial.quietness import within
+from graphnav.inertial.quietness import Mask, within
 from graphnav.inertial.reckoning import inertial_path
 from graphnav.inertial.standstill import (
     BEGINS_S,
@@ -109,13 +109,23 @@ def prepare(
     noise = inertial_noise(vehicle)
     fixes = fixes_in(alignment.origin, gnss)
     both, bias = two_sided(run, vehicle), alignment.gyro_bias
-    layout = calibrations.layout(vehicle, table, gnss, both, bias, delay)
+    weight = weight_at_rest(inc, stands.still, alignment.origin)
+    layout = calibrations.layout(vehicle, table, gnss, both, bias, delay, weight)
     setup = Setup(vehicle, noise, alignment, table, layout, both, interval, delay)
     if run.odometer is None:
         kept = believable(stands.rests, *_reckoned_speed(inc, setup))
         stands = replace(stands, still=within(inc.edge, kept))
     rock = rocking(inc, stands.rests, float(np.max(noise.gyro)))
     return Prepared(setup, Sensed(used, inc, stands, fixes, rock))
+
+
+def weight_at_rest(inc: Increments, still: Mask, origin: Origin) -> float:
+    """Specific force at rest over gravity, 1 where the vehicle never rests."""
+    if not still.any():
+        return 1.0
+    force = inc.velocity[still] / np.diff(inc.edge)[still, None]
+    g = np.linalg.norm(origin.gravity(np.zeros(3)))
+    return float(np.linalg.norm(np.median(force, axis=0)) / g)
 
 
 def fixes_in(origin: Origin, gnss: Gnss | None) -> Array:
@@ -168,8 +178,8 @@ def speed_along(
     """Forward speed (N,) m/s from the IMU alone at edges `nodes`, from attitude and velocity at the
     first; with them, attitude and velocity at the last.
     """
-    bias = np.tile(np.append(setup.alignment.gyro_bias, np.zeros(3)), (len(nodes) - 1, 1))
-    pre = preintegrate(inc, nodes, bias, InertialNoise(1.0, 1.0))
+    errors = np.tile(np.append(setup.alignment.gyro_bias, np.zeros(9)), (len(nodes) - 1, 1))
+    pre = preintegrate(inc, nodes, errors, InertialNoise(1.0, 1.0))
     R_bm = so3.exp(setup.vehicle.odometer.mount_b)
     R, v, _ = inertial_path(pre, R_0, v_0, setup.alignment.origin, R_bm)
     return R[-1], v[-1], so3.mtv(R @ R_bm, v)[:, 1]

@@ -57,7 +57,7 @@ class Problem:
 def build(
     prep: Prepared, nodes: Nodes, timeline: Timeline, at: Estimate, scales: Scales
 ) -> Problem:
-    """Integrate with the biases and the delay of `at` and assemble all factors."""
+    """Integrate with the sensors' errors and the delay of `at` and assemble all factors."""
     seg, setup = nodes.segment, prep.setup
     owner = interval_of_increment(nodes.edge)
     count = np.bincount(owner, minlength=len(seg))
@@ -65,8 +65,8 @@ def build(
     resting = np.flatnonzero(np.bincount(owner, stands.still, len(seg)) / count > 0.999)
     carried = np.stack([np.bincount(owner, on, len(seg)) > 0 for on in stands.carried.T], -1)
     imu = inertial_noise(prep.sensed.inc, nodes.edge, resting, setup.noise, scales)
-    bias = at.calibration[seg, setup.layout.bias]
-    pre = preintegrate(prep.sensed.inc, nodes.edge, bias, density(imu))
+    errors = setup.layout.imu_errors_of(at.calibration)[seg]
+    pre = preintegrate(prep.sensed.inc, nodes.edge, errors, density(imu))
     state = timeline.state_at(0.5 * (nodes.time[1:] + nodes.time[:-1]))
     factors = [
         _start(prep, nodes),

@@ -7,7 +7,7 @@ from factors.block import Index, Scope
 from factors.calibration import GNSS_DELAY, Layout
 from factors.estimate import Estimate
 from factors.position import AXES, Carried, Fixes, position
-from factors.preintegration import Increments, Preintegrated
+from factors.preintegration import Increments, Preintegrated, corrected, interval_of_increment
 from graphnav.common.run import Array, Gnss
 from graphnav.graph.densify import inside_intervals
 from graphnav.graph.nodes import Nodes
@@ -89,7 +89,7 @@ def carry(inc: Increments, pre: Preintegrated, nodes: Nodes, scope: Scope) -> Ca
     P = P + V * part * dt + part * part * inside
     V = V + part * own
     rise, slope = s * s * (3 - 2 * s), T * s * s * (s - 1)
-    rotation = inc.rotation[k] - pre.bias[node, :3] * dt
+    rotation = corrected(inc, pre.errors[interval_of_increment(nodes.edge)]).rotation[k]
     return Carried(
         T=T,
         share=s,

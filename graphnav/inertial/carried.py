@@ -109,8 +109,8 @@ def velocity_gained(inc: Increments, rest: Array, until: float) -> tuple[Array, 
         inc.jump[on],
     )
     nodes = np.array([0, end - b])
-    bias = np.append(rate, np.zeros(3))[None]
-    pre = preintegrate(pause, nodes, bias, InertialNoise(1.0, 1.0))
+    errors = np.append(rate, np.zeros(9))[None]
+    pre = preintegrate(pause, nodes, errors, InertialNoise(1.0, 1.0))
     turn = float(np.linalg.norm(so3.log(pre.dR)))
     return pre.dv[0] - force * pre.T[0], force / np.linalg.norm(force), turn
 

@@ -8,7 +8,14 @@ from numpy.typing import NDArray
 from factors import so3
 from factors.block import Index
 from factors.displacement import OdometerSums
-from factors.preintegration import GYRO, Increments, Preintegrated, interval_of_increment
+from factors.preintegration import (
+    GYRO,
+    GYRO_SCALE,
+    Increments,
+    Preintegrated,
+    corrected,
+    interval_of_increment,
+)
 from graphnav.common.run import Array, Odometer
 
 REACH_S = 0.1  # beyond its samples an odometer says nothing
@@ -54,16 +61,14 @@ class OdometerSteps:
 
 
 def odometer_steps(
-    inc: Increments, odometer: Odometer, delay: float, gyro_bias_z: Array, earth_z: Array
+    true: Increments, odometer: Odometer, delay: float, earth_z: Array
 ) -> OdometerSteps:
-    """Distance and yaw steps of the increments, the odometer's stamps late by `delay` s.
-
-    `gyro_bias_z` and `earth_z` (M,) rad/s.
+    """Distance and yaw steps of increments free of their errors, the odometer's stamps late by
+    `delay` s; `earth_z` (M,) rad/s.
     """
-    distance = np.diff(distance_at(odometer, inc.edge + delay))
-    rate = np.diff(speed_at(odometer, inc.edge + delay))
-    dt = np.diff(inc.edge)
-    yaw = inc.rotation[:, 2] - (gyro_bias_z + earth_z) * dt
+    distance = np.diff(distance_at(odometer, true.edge + delay))
+    rate = np.diff(speed_at(odometer, true.edge + delay))
+    yaw = true.rotation[:, 2] - earth_z * np.diff(true.edge)
     return OdometerSteps(distance, rate, yaw, delay)
 
 
@@ -78,8 +83,8 @@ def odometer_sums(
     owner = interval_of_increment(nodes)
     start = inc.edge[first][owner]
     mid = 0.5 * (inc.edge[1:] + inc.edge[:-1]) - start
-    dt = np.diff(inc.edge)[:, None]
-    C = pre.C[:-1] @ so3.exp(0.5 * (inc.rotation - pre.bias[owner, GYRO] * dt))
+    C = pre.C[:-1] @ so3.exp(0.5 * corrected(inc, pre.errors[owner]).rotation)
+    sensed = np.add.reduceat(inc.rotation, first) / pre.T[:, None]
 
     def total(weight: Array) -> Array:
         return np.add.reduceat(C * weight[:, None, None], first, axis=0)
@@ -97,5 +102,6 @@ def odometer_sums(
         delay=steps.delay,
         # the gyro turns with the Earth, the displacement is told on it: the Earth's rate acts as a
         # bias of the integrated rotation
-        bias=pre.bias[:, GYRO] - earth_b,
+        rate=sensed,
+        drift=pre.errors[:, GYRO] + pre.errors[:, GYRO_SCALE] * sensed - earth_b,
     )

@@ -25,16 +25,21 @@ Positive = Annotated[Number, Field(gt=0), Field(ge=SMALLEST)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Vector = tuple[Number, Number, Number]
 
-# typical 1-sigma figures; explicit keys win over them
+# typical 1-sigma figures; explicit keys win over them. Scale factors: most sensors 100 to 1000 ppm,
+# ring lasers 1 to 100, cheap MEMS up to a per cent (Groves 2013, Principles of GNSS, 4.4.2)
 GRADES: dict[str, dict[str, float]] = {
     "navigation": {"gyro_bias_deg_h": 0.005, "gyro_noise_deg_sqrt_h": 0.001,
-                   "accel_bias_mg": 0.03, "accel_noise_mg_sqrt_hz": 0.005},
+                   "gyro_scale_ppm": 20.0, "accel_bias_mg": 0.03,
+                   "accel_noise_mg_sqrt_hz": 0.005, "accel_scale_ppm": 100.0},
     "fog": {"gyro_bias_deg_h": 0.05, "gyro_noise_deg_sqrt_h": 0.005,
-            "accel_bias_mg": 0.1, "accel_noise_mg_sqrt_hz": 0.02},
+            "gyro_scale_ppm": 300.0, "accel_bias_mg": 0.1,
+            "accel_noise_mg_sqrt_hz": 0.02, "accel_scale_ppm": 500.0},
     "tactical": {"gyro_bias_deg_h": 5.0, "gyro_noise_deg_sqrt_h": 0.15,
-                 "accel_bias_mg": 2.0, "accel_noise_mg_sqrt_hz": 0.1},
+                 "gyro_scale_ppm": 500.0, "accel_bias_mg": 2.0,
+                 "accel_noise_mg_sqrt_hz": 0.1, "accel_scale_ppm": 1000.0},
     "mems": {"gyro_bias_deg_h": 200.0, "gyro_noise_deg_sqrt_h": 0.4,
-             "accel_bias_mg": 20.0, "accel_noise_mg_sqrt_hz": 0.2},
+             "gyro_scale_ppm": 5000.0, "accel_bias_mg": 20.0,
+             "accel_noise_mg_sqrt_hz": 0.2, "accel_scale_ppm": 10000.0},
 }  # fmt: skip
 DEFAULT_GRADE: Grade = "mems"
 
@@ -58,6 +63,17 @@ def sharper_if(given: str, sd: float, otherwise: float) -> Any:
 def from_grade(name: str) -> Any:
     """A default for `key`: the figure `name` of the grade stated, or of `DEFAULT_GRADE`."""
     return lambda fields: GRADES[fields.get("grade") or DEFAULT_GRADE][name]
+
+
+def from_grade_like(name: str, stated: str) -> Any:
+    """As `from_grade`, but without a grade stated from that whose figure `stated` is nearest."""
+
+    def figure(fields: dict[str, Any]) -> float:
+        value = float(fields.get(stated) or GRADES[DEFAULT_GRADE][stated])
+        apart = {grade: abs(np.log(of[stated] / value)) for grade, of in GRADES.items()}
+        return GRADES[fields.get("grade") or min(apart, key=apart.__getitem__)][name]
+
+    return figure
 
 
 class Section(BaseModel):
@@ -123,9 +139,19 @@ class ImuSpec(Section):
     gyro_noise_deg_sqrt_h: Positive = key(
         "angle random walk", "deg/sqrt(h)", from_grade("gyro_noise_deg_sqrt_h")
     )
+    gyro_scale_ppm: NotNegative = key(
+        "1 sigma of each axis' scale factor; 0 holds it",
+        "ppm",
+        from_grade_like("gyro_scale_ppm", "gyro_bias_deg_h"),
+    )
     accel_bias_mg: Positive = key("1 sigma of the constant part", "mg", from_grade("accel_bias_mg"))
     accel_noise_mg_sqrt_hz: Positive = key(
         "velocity random walk", "mg/sqrt(Hz)", from_grade("accel_noise_mg_sqrt_hz")
+    )
+    accel_scale_ppm: NotNegative = key(
+        "1 sigma of each axis' scale factor; 0 holds it",
+        "ppm",
+        from_grade_like("accel_scale_ppm", "accel_bias_mg"),
     )
 
     @field_validator("axes")
@@ -141,8 +167,12 @@ class ImuSpec(Section):
 
     @property
     def assumed(self) -> tuple[str, ...]:
-        """Noise figures that neither the file nor a named grade states."""
-        return () if self.grade else tuple(k for k in GRADES[DEFAULT_GRADE] if not self.given(k))
+        """Figures that neither the file nor a named grade states; scale factors go by biases."""
+        like = {"gyro_scale_ppm": "gyro_bias_deg_h", "accel_scale_ppm": "accel_bias_mg"}
+        open_ = (
+            k for k in GRADES[DEFAULT_GRADE] if not (self.given(k) or self.given(like.get(k, k)))
+        )
+        return () if self.grade else tuple(open_)
 
 
 class GnssSpec(Section):

@@ -239,8 +239,8 @@ def _inertial(problem: RoverProblem, at: Estimate) -> Factor:
     """With gyros: inertial factors as for any vehicle."""
     assert problem.inc is not None and problem.noise is not None
     nodes, layout = problem.nodes, problem.layout
-    bias = at.calibration[nodes.segment, layout.bias]
-    pre = preintegrate(problem.inc, nodes.edge, bias, problem.noise)
+    errors = layout.imu_errors_of(at.calibration)[nodes.segment]
+    pre = preintegrate(problem.inc, nodes.edge, errors, problem.noise)
     return inertial_factor(problem.origin, layout, nodes, pre)
 
 

@@ -36,8 +36,8 @@ class CausalStates:
         if prep.sensed.run.odometer is None:
             return
         estimate = window.estimate
-        bias = estimate.calibration[nodes.segment, prep.setup.layout.bias]
-        pre = preintegrate(prep.sensed.inc, nodes.edge, bias, prep.setup.noise)
+        errors = prep.setup.layout.imu_errors_of(estimate.calibration)[nodes.segment]
+        pre = preintegrate(prep.sensed.inc, nodes.edge, errors, prep.setup.noise)
         path = densify(prep.sensed.inc, pre, nodes, estimate, prep.setup.alignment.origin)
         try:
             line = recognise(kinematics(prep, path, estimate, nodes), prep.setup.params)

@@ -15,6 +15,7 @@ from graphnav.graph.preparation import (
     punctual,
     standing_start,
     two_sided,
+    weight_at_rest,
 )
 from graphnav.inertial.alignment import Alignment, align
 from graphnav.inertial.levelling import LEVELLING_S
@@ -94,7 +95,10 @@ class Initialisation:
         try:
             gnss, delay = punctual(run.gnss, self._vehicle, inc, run.odometer)
             run = replace(run, gnss=gnss)
-            setup = self._setup(run, align(run, self._vehicle, inc, rested), delay)
+            alignment = align(run, self._vehicle, inc, rested)
+            still = self._sensors.standstill.resting.rows[:until] > 0
+            weight = weight_at_rest(inc, still, alignment.origin)
+            setup = self._setup(run, alignment, delay, weight)
         except InputError as error:
             self.why = error
             return None
@@ -128,14 +132,15 @@ class Initialisation:
             rover=None,
         )
 
-    def _setup(self, run: Run, alignment: Alignment, delay: float) -> Setup:
+    def _setup(self, run: Run, alignment: Alignment, delay: float, weight: float) -> Setup:
         """What holds for the whole stream."""
         gnss, vehicle = run.gnss, self._vehicle
         both = two_sided(run, vehicle)
         table = self._table or correction_table(params(vehicle, both))
         if gnss is None and self._expects_fixes:
             gnss = usual_fix(vehicle.gnss.sd)
-        layout = calibrations.layout(vehicle, table, gnss, both, alignment.gyro_bias, delay)
+        bias = alignment.gyro_bias
+        layout = calibrations.layout(vehicle, table, gnss, both, bias, delay, weight)
         noise = inertial_noise(vehicle)
         interval = self._interval
         return Setup(vehicle, noise, alignment, table, layout, both, interval, delay)
