@@ -58,6 +58,31 @@ def test_a_promise_follows_the_path_it_is_held_against(solved: Solved) -> None:
     assert withheld.promise(solved, fixes, [(1e4, 2e4)], 60.0) is None
 
 
+def test_every_fix_has_its_own_weight_however_late_the_receiver(solved: Solved) -> None:
+    """A delay found that is not taken off the fixes' times moves none to its neighbour."""
+    late = [
+        replace(c, value=np.full_like(c.value, 0.015)) if c.name == "gnss_time_offset_s" else c
+        for c in solved.calibrated
+    ]
+    assert withheld.delay(replace(solved, calibrated=late)) == pytest.approx(0.015)
+    there, here = withheld.believed(replace(solved, calibrated=late)), withheld.believed(solved)
+    np.testing.assert_array_equal(there.time, here.time)
+    assert here.doubted == there.doubted
+
+
+def test_a_receivers_caution_is_no_merit_of_the_path(solved: Solved) -> None:
+    careful = [
+        replace(b, residual=b.residual / 3, sigma=3 * b.sigma)
+        if b.kind == "gnss" and b.sigma is not None
+        else b
+        for b in solved.blocks
+    ]
+    here, there = withheld.believed(solved), withheld.believed(replace(solved, blocks=careful))
+    np.testing.assert_allclose(there.sd_en, here.sd_en)
+    off = np.median(here.sd_en)
+    assert 1.2 < off < 1.9  # simulated: 1.5 m
+
+
 def test_bold_and_careful_deviations_are_told() -> None:
     honest = Promise(60.0, 3, 180, 2.0, 5.0, 2.1, 1.0, 0.94)
     assert withheld.in_words([honest]).endswith("honest")

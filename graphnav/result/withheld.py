@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from factors import kinds, so3
+from factors.block import Index
 from graphnav.common.run import Array
 from graphnav.result import trajectory
 from graphnav.result.solved import Solved
@@ -42,7 +43,8 @@ class Promise:
 
 @dataclass(frozen=True)
 class Believed:
-    """Fixes the whole solution believes, with the deviations it found in them."""
+    """Fixes the whole solution believes, with the deviations found in them: those they tell, times
+    what makes them those of fix and path, so that a receiver's caution is no merit of the path."""
 
     time: Array  # (n,) s
     p_n: Array  # (n, 3) m
@@ -67,12 +69,21 @@ def believed(whole: Solved) -> Believed:
     own = whole.run.gnss.time
     for block, weight in zip(whole.blocks, whole.weights, strict=True):
         if block.kind == kinds.GNSS and block.sigma is not None and len(block.time):
-            late = delay(whole)
-            at = np.clip(np.searchsorted(own, block.time + late - 1e-3), 0, len(own) - 1)
+            at = _nearest(own, block.time + delay(whole))
             on = (weight[:, :2] > DOUBTED).all(axis=1)
-            doubted = int((~on).sum())
-            return Believed(own[at[on]], whole.fixes_n[at[on]], block.sigma[on, :2], doubted)
+            # what lasts is in the path; a single fix strays by its spread
+            spread = block.sigma if block.inflation is None else block.sigma / block.inflation
+            off = (block.residual * block.sigma)[on, :2]
+            found = np.sqrt(np.sum(off**2, axis=0) / np.sum(spread[on, :2] ** 2, axis=0))
+            sd = spread[on, :2] * found
+            return Believed(own[at[on]], whole.fixes_n[at[on]], sd, int((~on).sum()))
     return Believed(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2)), 0)
+
+
+def _nearest(own: Array, time: Array) -> Index:
+    """Which of the times `own` (m,) is nearest to each of some times (n,)."""
+    after = np.clip(np.searchsorted(own, time), 1, len(own) - 1)
+    return np.asarray(after - (time - own[after - 1] < own[after] - time))
 
 
 def promise(
@@ -128,10 +139,13 @@ def delay(solved: Solved) -> float:
 
 
 def _antenna(solved: Solved, time: Array) -> Array:
-    """Where fixes would lie at times (n,) s: the antenna, with the offset of all fixes, (n, 3)."""
+    """Where fixes would lie at times (n,) s: the antenna, with what they have in common, (n, 3)."""
     R_nb, _, p_n = solved.path.at(time)
     lever_b = _last(solved, "antenna_lever_arm_m", np.zeros(3))
-    offset_n = _last(solved, "gnss_offset_m", np.zeros(3))
+    common = next((c for c in solved.calibrated if c.name == "gnss_offset_m"), None)
+    offset_n = np.zeros(3)
+    if common is not None:
+        offset_n = np.stack([np.interp(time, common.time, x) for x in common.value.T], -1)
     return np.asarray(p_n + so3.mv(R_nb, lever_b) + offset_n)
 
 
