@@ -79,8 +79,6 @@ def test_a_receivers_caution_is_no_merit_of_the_path(solved: Solved) -> None:
     ]
     here, there = withheld.believed(solved), withheld.believed(replace(solved, blocks=careful))
     np.testing.assert_allclose(there.sd_en, here.sd_en)
-    off = np.median(here.sd_en)
-    assert 1.2 < off < 1.9  # simulated: 1.5 m
 
 
 def test_bold_and_careful_deviations_are_told() -> None:
