@@ -135,18 +135,20 @@ def solve(
         interval=1 / options.nodes_hz,
     )
     if options.mode == "incremental":
-        return _solve_incremental(run, prep, options.lag, progress)
-    return finish(smooth_batch(prep, progress), run)
+        return _solve_incremental(run, prep, options, progress)
+    return finish(smooth_batch(prep, progress), run, options.rate_hz)
 
 
-def _solve_incremental(run: Run, prep: "Prepared", lag: float | None, progress: Stages) -> Solved:
+def _solve_incremental(
+    run: Run, prep: "Prepared", options: SmoothOptions, progress: Stages
+) -> Solved:
     """The batch solution with what a stream knew of it."""
     from graphnav.batch.finish import finish
     from graphnav.stream import replay
 
-    replayed = replay.smooth_incremental(prep, lag, progress)
+    replayed = replay.smooth_incremental(prep, options.lag, progress)
     progress.beside(replayed.peak_memory_mb, since="dead reckoning")
-    solved = finish(replayed.smoothed, run)
+    solved = finish(replayed.smoothed, run, options.rate_hz)
     return replace(
         solved,
         solver=solved.solver | replayed.solver,

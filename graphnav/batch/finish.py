@@ -6,18 +6,23 @@ import numpy as np
 
 from factors import kinds, so3
 from factors.calibration import LEVER, MOUNTING, SCALE, forward_of, lateral_of
+from factors.preintegration import InertialNoise, preintegrate
 from graphnav.batch.learnt import calibrated, imu_late, verdicts
 from graphnav.batch.smoother import Smoothed
 from graphnav.common.run import Array, Run
 from graphnav.graph import inertial_noise
+from graphnav.graph.densify import Path, densify
 from graphnav.graph.kinematics import kinematics
 from graphnav.graph.motion import driven
 from graphnav.graph.preparation import fixes_in
+from graphnav.inertial.increments import GRID_S, increments
 from graphnav.result.solved import Odometry, Solved
 
 
-def finish(smoothed: Smoothed, recorded: Run) -> Solved:
-    """Everything the writers need of a smoothed run; `recorded` as it was read, all fixes in it."""
+def finish(smoothed: Smoothed, recorded: Run, rate_hz: float = 1 / GRID_S) -> Solved:
+    """Everything the writers need of a smoothed run; `recorded` as it was read, all fixes in it,
+    `rate_hz` at which the path is to be told.
+    """
     prep, problem, estimate = smoothed.prep, smoothed.problem, smoothed.estimate
     origin = prep.setup.alignment.origin
     found = calibrated(smoothed)
@@ -29,7 +34,7 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
         run=replace(recorded, imu=prep.sensed.run.imu, heading=prep.sensed.run.heading),
         vehicle=prep.setup.vehicle,
         origin=origin,
-        path=smoothed.path,
+        path=smoothed.path if rate_hz * GRID_S <= 1 else _sample_by_sample(smoothed),
         R_bm=R_bm,
         node_time=problem.nodes.time,
         imu_late=imu_late(found),
@@ -58,6 +63,18 @@ def finish(smoothed: Smoothed, recorded: Run) -> Solved:
         moved=prep.sensed.standstill.moved,
         gaps=_gaps(smoothed),
     )
+
+
+def _sample_by_sample(smoothed: Smoothed) -> Path:
+    """The path at every sample of the IMU, between the same nodes: rows closer than the
+    increments are to show what happened inside them.
+    """
+    prep, nodes, imu = smoothed.prep, smoothed.problem.nodes, smoothed.prep.sensed.run.imu
+    assert imu is not None
+    inc = increments(imu, grid_s=0.0)
+    fine = replace(nodes, edge=np.searchsorted(inc.edge, nodes.time))  # its edges hold the others
+    pre = preintegrate(inc, fine.edge, smoothed.problem.pre.bias, InertialNoise(1.0, 1.0))
+    return densify(inc, pre, fine, smoothed.estimate, prep.setup.alignment.origin)
 
 
 def _gaps(smoothed: Smoothed) -> Array | None:
