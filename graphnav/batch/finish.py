@@ -73,7 +73,7 @@ def _sample_by_sample(smoothed: Smoothed) -> Path:
     assert imu is not None
     inc = increments(imu, grid_s=0.0)
     fine = replace(nodes, edge=np.searchsorted(inc.edge, nodes.time))  # its edges hold the others
-    pre = preintegrate(inc, fine.edge, smoothed.problem.pre.bias, InertialNoise(1.0, 1.0))
+    pre = preintegrate(inc, fine.edge, smoothed.problem.pre.errors, InertialNoise(1.0, 1.0))
     return densify(inc, pre, fine, smoothed.estimate, prep.setup.alignment.origin)
 
 
