@@ -52,7 +52,7 @@ def test_only_kind_is_needed() -> None:
         ({**WHEELED, "gnss": {"axes": "RFU"}}, ["'axes'", "belongs under [imu]"]),
         ({"vehicle": {"kind": "tracked", "track_gauge": "2.8"}}, ["'2.8'", "a number [m]"]),
         ({"vehicle": {"kind": "tracked", "track_gauge": True}}, ["True", "a number [m]"]),
-        ({"vehicle": {"kind": "tracked", "track_gauge": -1}}, ["-1", "above 0 [m]"]),
+        ({"vehicle": {"kind": "tracked", "track_gauge": -1}}, ["-1", "at least 1e-12 [m]"]),
         ({"vehicle": 3}, ["[vehicle]", "3"]),
         ({**WHEELED, "odometer": {"lever_arm": [1, 2]}}, ["lever_arm", "3 numbers", "[m]"]),
         ({**WHEELED, "odometer": {"lever_arm": [1, 2, "a"]}}, ["lever_arm", "3 numbers"]),

@@ -21,7 +21,7 @@ Grade = Literal["navigation", "fog", "tactical", "mems"]
 # no length, angle or noise of a vehicle is larger; squares of larger ones leave a float's range
 LARGEST, SMALLEST = 1e9, 1e-12
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
-Positive = Annotated[Number, Field(gt=0), Field(ge=SMALLEST)]
+Positive = Annotated[Number, Field(ge=SMALLEST)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Vector = tuple[Number, Number, Number]
 
