@@ -117,12 +117,10 @@ def test_faulty_input_ends_with_two_and_writes_nothing(
     text = short.astype({"gyro_x": object})
     text.loc[500:800, "gyro_x"] = "n/a?"
     back = short.assign(time=short["time"].where(short.index < 700, short["time"] - 1.0))
-    degrees = short.assign(**{f"gyro_{a}": np.rad2deg(short[f"gyro_{a}"]) for a in "xyz"})
     cases = {
         "accel_y": short.drop(columns="accel_y"),
         "n/a?": text,
         "backwards": back,
-        "deg/s": degrees,
         "no rows": short.iloc[:0],
     }
     (tmp_path / "vehicle.toml").write_text((car / "vehicle.toml").read_text())
@@ -134,6 +132,21 @@ def test_faulty_input_ends_with_two_and_writes_nothing(
         assert part in err
         assert "run.csv" in err
     assert {path.name for path in tmp_path.iterdir()} == {"run.csv", "vehicle.toml"}
+
+
+def test_gyros_in_degrees_whose_noise_hides_the_rest_are_named(
+    car: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No rest tells the unit of such gyros before the solution does: rejected, cause and cure."""
+    short = changed(car, tmp_path, lambda t: in_degrees(t[:14000]))
+    assert command("smooth", short / "run.csv", *QUICK) == 3
+    told = capsys.readouterr().err
+    assert told.count("\n") == 1 and "the gyros are in deg/s, not in rad/s" in told
+
+
+def in_degrees(table: pd.DataFrame) -> pd.DataFrame:
+    """Gyros in another unit than the vehicle file says."""
+    return table.assign(**{f"gyro_{a}": np.rad2deg(table[f"gyro_{a}"]) for a in "xyz"})
 
 
 def test_no_start_and_no_fix_is_said(
