@@ -113,6 +113,11 @@ def test_a_start_of_another_day_is_told(solved: Solved) -> None:
     moved = replace(solved, vehicle=solved.vehicle.model_copy(update={"start": elsewhere}))
     [remark] = fix_doubts.of_stated_position(moved, columns)
     assert remark.why == "[start] is 1.1 km from where the fixes put the start"
+    found = judge(moved, columns, moved.run)
+    assert (found.grade, found.why) == ("doubtful", (remark.why,))
+    before = replace(remark, why="[start] is not used")
+    found = judge(replace(moved, remarks=(before,)), columns, moved.run)
+    assert (found.grade, found.why) == ("doubtful", (before.why,))
 
 
 def test_a_calibration_its_prior_excludes_is_told(solved: Solved) -> None:

@@ -6,6 +6,7 @@ from factors import kinds
 from graphnav.batch.doubts import FEW, SURPRISING, distance, of_kind, rows_doubted, scatter, spans
 from graphnav.common.remark import Remark
 from graphnav.common.run import Array
+from graphnav.inertial.alignment import ANOTHER_PLACE
 from graphnav.result.solved import Solved
 
 MISCLAIMED = 5.0  # times the claimed deviation
@@ -58,7 +59,9 @@ def of_unused_fixes(solved: Solved, columns: dict[str, Array]) -> list[Remark]:
 
 
 def of_stated_position(solved: Solved, columns: dict[str, Array]) -> list[Remark]:
-    """[start] far from where fixes put the start."""
+    """[start] far from where fixes put the start, where that was not found beforehand."""
+    if any(remark.remedy == ANOTHER_PLACE for remark in solved.remarks):
+        return []
     at = solved.vehicle.start
     if at.lat is None or at.lon is None or not rows_doubted(solved, kinds.GNSS)[0].size:
         return []
@@ -67,8 +70,8 @@ def of_stated_position(solved: Solved, columns: dict[str, Array]) -> list[Remark
     sd = float(np.hypot(np.hypot(columns["sd_e"][0], columns["sd_n"][0]), at.position_sd_m))
     if off < max(AWAY_M, SURPRISING * sd):
         return []
-    cure = "correct or leave out [start] lat and lon; another datum or another day?"
-    return [Remark(f"[start] is {distance(off)} from where the fixes put the start", cure, level=1)]
+    why = f"[start] is {distance(off)} from where the fixes put the start"
+    return [Remark(why, ANOTHER_PLACE, level=1)]
 
 
 def of_carried(solved: Solved) -> list[Remark]:

@@ -9,6 +9,7 @@ from graphnav.batch.doubts import distance
 from graphnav.batch.hypothesis import Hypothesis, Undone, said
 from graphnav.common.angles import angles_of_rotation
 from graphnav.common.run import Array, Gnss, Run
+from graphnav.inertial.alignment import ANOTHER_PLACE
 from graphnav.reading.vehicle import Vehicle
 from graphnav.result.solved import Solved
 
@@ -21,7 +22,7 @@ def of_start(vehicle: Vehicle) -> list[Hypothesis]:
         def nowhere(run: Run, vehicle: Vehicle) -> Undone:
             return run, _unplaced(vehicle)
 
-        cure = said("correct or leave out [start] lat and lon")
+        cure = said(ANOTHER_PLACE)
         found.append(Hypothesis(nowhere, lambda solved: _away(solved, vehicle), cure))
     stated = vehicle.start.heading_deg
     if stated is None:

@@ -21,9 +21,9 @@ def judge(solved: Solved, columns: dict[str, Array], used: Run) -> Quality:
         *fix_doubts.of_fix_deviations(solved),
         *fix_doubts.of_carried(solved),
     ]
+    elsewhere = fix_doubts.of_stated_position(solved, columns)
     contradictions = [
         *(Remark(said, level=1) for said in _driving(solved)),
-        *fix_doubts.of_stated_position(solved, columns),
         *doubts.of_factors(solved),
         *fix_doubts.of_unused_fixes(solved, columns),
         *doubts.of_motion(columns),
@@ -32,8 +32,11 @@ def judge(solved: Solved, columns: dict[str, Array], used: Run) -> Quality:
     if level and used.imu is not None and used.rover is None:
         cause = causes.likeliest(used, solved.vehicle)
         if cause is not None:
+            # of what the cause says already, no more
+            elsewhere = [remark for remark in elsewhere if remark.remedy != cause.remedy]
+            told = [remark for remark in told if remark.remedy != cause.remedy]
             contradictions = [Remark(cause.why, cause.remedy, level=level), *contradictions]
-    return graded([*contradictions, *told] if level else told, *_spreads(columns))
+    return graded([*contradictions, *elsewhere, *told], *_spreads(columns))
 
 
 def _driving(solved: Solved) -> list[str]:

@@ -37,6 +37,7 @@ LATE_FIX_S = 30.0  # a first fix later than this leaves the start to what is sta
 LEAST_BIAS = np.deg2rad(20.0) / 3600  # rad/s, a driving gyro may be off by at least
 SIGNIFICANT = 3.0  # sigma of a rate that is taken for bias
 ELSEWHERE_SIGMAS = 5.0  # of a stated position and of where the fixes put the start, together
+ANOTHER_PLACE = "correct or leave out [start] lat and lon; another datum or another day?"
 NEAR = np.deg2rad(10.0)  # a stated heading further from the agreed one begins no iteration
 WORST_SD = np.deg2rad(40.0)  # a heading known worse is not known
 
@@ -202,6 +203,7 @@ def _by_fixes(
     said = Remark(
         f"[start] is {away:.0f} m from where the fixes and the path to them put the start "
         f"(+- {path.begin_sd:.0f} m): not used",
-        "correct or leave out [start] lat and lon",
+        ANOTHER_PLACE,
+        level=1,
     )
     return there, LOOSE_POSITION, (said,)
