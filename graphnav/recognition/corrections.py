@@ -111,6 +111,6 @@ def _mean_of_sides(row: Correction) -> Correction:
         return row
     source = f"{row.source}; v_y = (l + r) / 2"
     return replace(
-        row, factor=1.0, factor_sd=SKID_SD, half_gauge=0.0, use_odometer=True,
+        row, factor=1.0, factor_sd=SKID_SD, half_gauge=0.0, kappa=0.0, use_odometer=True,
         sigma_forward=0.1, source=source,
     )  # fmt: skip
