@@ -97,6 +97,7 @@ def test_fixes_that_scatter_about_the_path_do_not_reject_it(
 ) -> None:
     monkeypatch.setattr(causes, "likeliest", lambda run, vehicle: None)
     assert grade_of(doubting(solved, "gnss", 0.9, away=0.0)) == "doubtful"
+    assert grade_of(doubting(solved, "displacement", 0.9, away=0.0)) == "doubtful"
     gnss = solved.run.gnss
     assert gnss is not None and not fix_doubts.of_fix_deviations(solved)
     bold = replace(solved, run=replace(solved.run, gnss=replace(gnss, sd_enu=gnss.sd_enu / 30)))

@@ -113,7 +113,7 @@ def of_factors(solved: Solved) -> list[Remark]:
         share = float(doubted.mean()) if len(doubted) >= FEW else 0.0
         if share > limits.doubtful:
             start, end = longest(time, doubted)
-            away = share > limits.rejected and not (kind == kinds.GNSS and scattered(solved))
+            away = share > limits.rejected and not scattered(solved, kind, limits.axes)
             clock = solved.run.clock_start
             said.append(
                 Remark(
@@ -125,11 +125,12 @@ def of_factors(solved: Solved) -> list[Remark]:
     return said
 
 
-def scattered(solved: Solved) -> bool:
-    """Whether fixes are doubted for their scatter about a path that lies among them."""
-    for block, _ in of_kind(solved, kinds.GNSS):
+def scattered(solved: Solved, kind: str, axes: tuple[str, ...] = ()) -> bool:
+    """Whether rows are doubted for their scatter about a path that lies among them."""
+    for block, _ in of_kind(solved, kind):
         if block.sigma is not None and len(block.time) >= FEW:
-            off = (block.residual * block.sigma)[:, :2]
+            rows = [k for k, axis in enumerate(block.axes) if not axes or axis in axes]
+            off = (block.residual * block.sigma)[:, rows]
             return bool(np.all(np.median(np.abs(off), axis=0) < AMONG * scatter(off)))
     return False
 
