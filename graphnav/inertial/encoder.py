@@ -54,12 +54,17 @@ def without(odometer: Odometer, failed: Mask) -> Odometer | None:
     keep = ~failed
     if keep.sum() < 2:
         return None
-    speed = odometer.speed[keep]
-    time = odometer.time[keep]
+    time, distance, speed = (x[keep] for x in (odometer.time, odometer.distance, odometer.speed))
+    return counted_anew(replace(odometer, time=time, distance=distance, speed=speed))
+
+
+def counted_anew(odometer: Odometer) -> Odometer:
+    """The odometer after its samples or their times changed: speeds integrated again."""
     if odometer.pulse:
-        return replace(odometer, time=time, distance=odometer.distance[keep], speed=speed)
-    steps = np.diff(time) * (speed[1:] + speed[:-1]) / 2
-    return replace(odometer, time=time, distance=np.append(0.0, np.cumsum(steps)), speed=speed)
+        return odometer
+    speed = odometer.speed
+    steps = np.diff(odometer.time) * (speed[1:] + speed[:-1]) / 2
+    return replace(odometer, distance=np.append(0.0, np.cumsum(steps)))
 
 
 def _wild(odometer: Odometer) -> Mask:

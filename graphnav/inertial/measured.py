@@ -6,6 +6,7 @@ import numpy as np
 
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Imu, Odometer, Run
+from graphnav.inertial.clock_jumps import without_jumps
 from graphnav.inertial.encoder import failures, without
 from graphnav.inertial.exchanged_axes import Exchange, exchanges, put_back
 from graphnav.inertial.gaps import Mask, bridged
@@ -25,8 +26,11 @@ def measured(run: Run) -> Run:
     """
     if run.imu is None or len(run.imu.time) < 2:
         return run
+    read = run
+    _check_clock(run, run.imu)
+    run = without_jumps(run)
     imu = run.imu
-    _check_clock(run, imu)
+    assert imu is not None
     clock = sample_clock(imu.time)
     found = screened(imu, clock.step, _resting(run, imu.time))
     seen = np.ones((len(imu.time), 2), bool)
@@ -40,7 +44,7 @@ def measured(run: Run) -> Run:
     imu = bridged(imu, clock, seen)
     odometer, failed = _odometer(run, imu)
     notes += failed
-    if not notes:
+    if not notes and run is read:
         return run
     return replace(run, imu=imu, logged=run.imu, odometer=odometer, notes=(*run.notes, *notes))
 
