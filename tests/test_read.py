@@ -10,7 +10,7 @@ from runs import PULSES, VEHICLE, driven, fixes, saved, shared
 from graphnav.common.run import Run
 from graphnav.reading.axes import axes_matrix
 from graphnav.reading.read import read_run
-from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.reading.vehicle_file import load_vehicle, parse_vehicle
 
 GYRO, ACCEL = ["gyro_x", "gyro_y", "gyro_z"], ["accel_x", "accel_y", "accel_z"]
 
@@ -204,3 +204,18 @@ def test_fixes_carried_on_by_the_logger_count_once(tmp_path: Path) -> None:
     assert run.gnss is not None
     assert len(run.gnss.time) == second.nunique()
     assert any("repeat the fix before" in note for note in run.notes)
+
+
+@pytest.mark.parametrize("way", ["left out", "zero"])
+def test_level_gyros_that_were_not_recorded_are_told(tmp_path: Path, way: str) -> None:
+    """In any axes; a vehicle that stands still throughout keeps its upright gyro."""
+    names = ["gyro_x", "gyro_y", "gyro_z"] if way == "zero" else ["gyro_z"]
+    header = ["time", *names, "accel_x", "accel_y", "accel_z"]
+    rows = [[k / 100, *([0] * len(names)), 0.1, 0.2, -9.8] for k in range(50)]
+    text = "\n".join(",".join(map(str, row)) for row in [header, *rows])
+    (tmp_path / "run.csv").write_text(text)
+    vehicle = parse_vehicle({"vehicle": {"kind": "wheeled"}, "imu": {"axes": "FRD"}})
+    run = read_run(tmp_path / "run.csv", vehicle)
+    assert run.sensed == (False, False, True, True, True, True)
+    assert run.imu is not None and not run.imu.gyro.any()
+    assert any("gyro_x, gyro_y not recorded" in note for note in run.notes)

@@ -233,7 +233,7 @@ def of_inertial_noise(solved: Solved) -> list[Remark]:
             kept = np.minimum(weight * block.residual**2, 1.0)[:, rows]
             times = {}
             for state, on in _by_motion(solved, block.time).items():
-                shown = kept[on].sum(axis=0) > SHOWN
+                shown = (kept[on].sum(axis=0) > SHOWN) & np.array(solved.run.sensed)[rows]
                 level = np.array(found.get(state, {}).get(unit, np.zeros(3)))
                 times[state] = float(np.max(level * shown)) / stated
             state = max(times, key=times.__getitem__)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+EVERY_AXIS = (True,) * 6
 
 
 @dataclass(frozen=True)
@@ -97,4 +98,5 @@ class Run:
     rover: RoverGear | None
     accelerometer: Accelerometer | None = None  # only where accel columns come without gyro columns
     logged: Imu | None = None  # the IMU's samples as they came, where `imu` is not just these
+    sensed: tuple[bool, ...] = EVERY_AXIS  # of gyro and accelerometer, b frame; else a stand-in
     notes: tuple[str, ...] = ()  # what the reading assumed or left out, one line each

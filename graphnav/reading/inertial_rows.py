@@ -1,6 +1,7 @@
 """Gyro and accelerometer samples side by side, whether they share their rows or not."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from difflib import get_close_matches
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +20,44 @@ class Inertial:
     rows: Rows  # (M,)
     gyro: Array  # (M, 3) as recorded
     accel: Array  # (M, 3)
-    note: str | None = None
+    sensed: tuple[bool, ...] = (True,) * 6  # gyro and accel x, y, z as recorded
+    notes: tuple[str, ...] = ()
 
 
-def inertial(samples: Samples) -> Inertial:
-    """Both triads at the gyros' rows.
+def inertial(samples: Samples, axes: Array) -> Inertial:
+    """Both triads at the gyros' rows; `axes` (3, 3) turns what was recorded into b.
 
     Accelerometers on rows of their own are averaged over each interval of the gyros: their
     integral, interpolated, so that no velocity is lost. Raises `InputError` when a column is
     missing.
     """
-    samples.need(GYRO + ACCEL, "an inertial sample")
+    blind = _blind(samples, axes)
+    samples.need(tuple(name for name in GYRO + ACCEL if name not in blind), "an inertial sample")
+    there = replace(samples, columns=samples.columns | _stand_ins(samples, axes, blind))
+    found = _side_by_side(there)
+    sensed = tuple(name not in blind for name in GYRO + ACCEL)
+    told = f"{', '.join(blind)} not recorded: roll and pitch rest on the accelerometers"
+    return replace(found, sensed=sensed, notes=(*([told] if blind else []), *found.notes))
+
+
+def _blind(samples: Samples, axes: Array) -> tuple[str, ...]:
+    """Gyros about level axes that were not recorded: left out, or zero throughout."""
+    upright = GYRO[int(np.abs(axes[2]).argmax())]
+    if upright not in samples.columns:
+        return ()
+    like = {name for name in GYRO if get_close_matches(name, samples.ignored)}
+    level = [name for name in GYRO if name not in (upright, *like)]
+    return tuple(k for k in level if not np.nan_to_num(samples.columns.get(k, np.zeros(1))).any())
+
+
+def _stand_ins(samples: Samples, axes: Array, blind: tuple[str, ...]) -> dict[str, Array]:
+    """No turn, on the rows of the upright gyro."""
+    upright = GYRO[int(np.abs(axes[2]).argmax())]
+    return dict.fromkeys(blind, 0.0 * samples.columns[upright]) if blind else {}
+
+
+def _side_by_side(samples: Samples) -> Inertial:
+    """Both triads, whether they share their rows or not."""
     gyro_rows, gyro = samples.group(GYRO, "a gyro sample")
     accel_rows, accel = samples.group(ACCEL, "an accelerometer sample")
     if len(gyro_rows) == len(accel_rows) and (gyro_rows == accel_rows).all():
@@ -40,7 +68,7 @@ def inertial(samples: Samples) -> Inertial:
     alone = max(len(gyro_rows), len(accel_rows)) - len(both)
     if alone <= MOST_DAMAGED * len(both):
         note = f"{alone} inertial samples hold gyros or accelerometers alone: left out"
-        return Inertial(both, gyro[in_gyro], accel[in_accel], note)
+        return Inertial(both, gyro[in_gyro], accel[in_accel], notes=(note,))
     time = samples.clock - samples.clock[0]
     inside = (gyro_rows >= accel_rows[:1].min(initial=len(time))) & (
         gyro_rows <= accel_rows[-1:].max(initial=-1) + 1
@@ -51,7 +79,7 @@ def inertial(samples: Samples) -> Inertial:
         "gyros and accelerometers come on rows of their own: the accelerometers are averaged over "
         "the gyros' intervals"
     )
-    return Inertial(rows, gyro, force, note)
+    return Inertial(rows, gyro, force, notes=(note,))
 
 
 def _means(time: Array, own: Array, values: Array) -> Array:

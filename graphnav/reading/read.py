@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from graphnav.common.errors import InputError
 from graphnav.common.run import (
+    EVERY_AXIS,
     Accelerometer,
     ExternalHeading,
     Gnss,
@@ -52,11 +53,13 @@ def read_run(path: Path, vehicle: Vehicle) -> Run:
     reader = _Reader(samples, vehicle, list(samples.notes))
     _note_ignored(reader)
     sides = _sides(reader)
+    imu, sensed = _imu(reader)
     return Run(
         path=path,
         clock_start=float(reader.samples.clock[0]),
         end=float(reader.samples.clock[-1] - reader.samples.clock[0]),
-        imu=_imu(reader),
+        imu=imu,
+        sensed=sensed,
         odometer=_odometer(reader, sides),
         sides=sides,
         gnss=_gnss(reader),
@@ -77,24 +80,26 @@ def _note_ignored(reader: _Reader) -> None:
         )
 
 
-def _imu(reader: _Reader) -> Imu | None:
+def _imu(reader: _Reader) -> tuple[Imu | None, tuple[bool, ...]]:
+    """Inertial samples in RFU and which axes of gyro and accelerometer were recorded."""
     samples = reader.samples
     if reader.vehicle.kind == "rover" and not samples.has(GYRO):
-        return None
-    found = inertial(samples)
-    if found.note:
-        reader.notes.append(found.note)
+        return None, EVERY_AXIS
+    axes = reader.vehicle.imu.axes_matrix
+    found = inertial(samples, axes)
+    reader.notes.extend(found.notes)
     if len(found.rows) < 2:
         raise InputError(f"{samples.file.path}: fewer than two inertial samples; need {GYRO[0]}...")
     time = reader.time(found.rows)
     step = np.diff(time)
-    axes = reader.vehicle.imu.axes_matrix
-    return Imu(
+    imu = Imu(
         time=time,
         dt=np.concatenate([[np.median(step)], step]),
         gyro=_turned(found.gyro, axes),
         accel=_turned(found.accel, axes),
     )
+    which = np.abs(axes).argmax(1)
+    return imu, tuple(found.sensed[k] for k in (*which, *(which + 3)))
 
 
 def _turned(vectors: Array, axes: Array) -> Array:

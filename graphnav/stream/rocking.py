@@ -22,6 +22,6 @@ class Rocking:
             moving = np.flatnonzero(resting[:edge] == 0)
             first = int(moving[-1]) + 1 if len(moving) else 0
             inc = heard.inertial.between(first, edge)
-            self._of[first] = rocking(inc, inc.edge[None, [0, -1]], float(np.max(noise.gyro)))
+            self._of[first] = rocking(inc, inc.edge[None, [0, -1]], float(np.min(noise.gyro)))
             self._usual = np.median(list(self._of.values()), axis=0)
         return self._usual
