@@ -63,12 +63,12 @@ MUTANTS = [
         "graphnav/inertial/odometry.py",
         "motion_truth",
         ("tyre slip bend sign", "bend=total(steps.distance", "bend=total(-steps.distance"),
-        ("Earth rate sign in the displacement", "GYRO] - earth_b", "GYRO] + earth_b"),
-        ("Earth rate sign in the yaw", "(gyro_bias_z + earth_z)", "(gyro_bias_z - earth_z)"),
+        ("Earth rate sign in the displacement", "* sensed - earth_b", "* sensed + earth_b"),
+        ("Earth rate sign in the yaw", "2] - earth_z *", "2] + earth_z *"),
         (
             "delay sign of the steps",
-            "distance_at(odometer, inc.edge + delay)",
-            "distance_at(odometer, inc.edge - delay)",
+            "distance_at(odometer, true.edge + delay)",
+            "distance_at(odometer, true.edge - delay)",
         ),
     ),
     *_of(
@@ -93,12 +93,12 @@ MUTANTS = [
         "factors inertial_truth",
         ("Coriolis sign", "a = R @ dv - so3.cross(Omega", "a = R @ dv + so3.cross(Omega"),
         ("gravity gradient", "-2 * turn - sag * T / 2", "-2 * turn + sag * T / 2"),
-        ("bias Jacobian", "W @ (T * pre.dv_dbg - pre.dp_dbg) - pre.dv_dbg", "pre.dv_dbg"),
+        ("errors Jacobian", "pre.dp_de) - pre.dv_de", "pre.dp_de) + pre.dv_de"),
     ),
     *_of(
         "factors/preintegration.py",
         "preintegration",
-        ("half of the bias in position", "- 0.5 * bias[owner, ACCEL]", "- bias[owner, ACCEL]"),
+        ("half of the bias in position", "- 0.5 * push * dt", "- push * dt"),
         ("whitening of velocity with angle", "c(T**2 / 2) * FG\n", "c(T**2) * FG\n"),
     ),
     *_of(
