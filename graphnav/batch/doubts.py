@@ -19,7 +19,7 @@ AMONG = 3.0  # times their scatter that fixes may lie off a path that runs among
 DOUBTED = 0.5  # a row's weight
 FEW = 8  # factors of a kind that can be judged at all
 # Healthy runs, simulated and recorded, doubt up to 6 % of their fixes and 4 % of their odometer
-SURPRISING, BEYOND = 5.0, 15.0  # sigma of a calibration
+SURPRISING = 5.0  # sigma of a calibration
 STATED = 2.5  # sigma of a stated heading
 WORSE = 4.0  # times its stated noise that an IMU is told to be
 SHOWN = 10.0  # intervals' worth of residuals that tell a noise

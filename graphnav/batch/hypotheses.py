@@ -26,7 +26,6 @@ BENDS = 20  # seconds of pull that show how an IMU lies
 PULL = 0.3  # m/s^2
 MISCOUNTED = (0.02, 0.5)  # off 1, of a gyro's scale
 TURNED_DEG = 5.0
-FORGIVING_DEG = 30.0  # of a mounting that may be anything
 
 
 def hypotheses(run: Run, vehicle: Vehicle) -> list[Hypothesis]:

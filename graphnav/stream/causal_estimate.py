@@ -48,15 +48,3 @@ def shares(spans: Array, sweep: float) -> list[float]:
     own += (spans[0] - own[0]) / len(own)
     own[-1] += sweep
     return list(own.tolist())
-
-
-def latency_shares(spans: Array, sweep: float) -> list[float]:
-    """Seconds spent on each of the nodes that were linearised together, in the first one's span;
-    a sweep over the whole run after them is the last one's.
-    """
-    own = spans.copy()
-    if len(own) > 1:
-        own[0] = own[1:].mean()
-    own += (spans[0] - own[0]) / len(own)
-    own[-1] += sweep
-    return list(own.tolist())
