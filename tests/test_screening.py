@@ -142,3 +142,37 @@ def test_coarse_samples_repeat_by_chance() -> None:
     imu = driven(100, 0.02, 4)
     coarse = replace(imu, gyro=np.round(imu.gyro, 2), accel=np.round(imu.accel, 1))
     assert not any(what.startswith("a repeat") for _, what in touched(coarse))
+
+
+LINE = "a straight line from one sample to another"
+
+
+@pytest.mark.parametrize("rate", RATES)
+@pytest.mark.parametrize("by_stamp", [False, True])
+def test_stretches_filled_by_interpolation_are_found(rate: int, by_stamp: bool) -> None:
+    """As a converter closes the gaps of a log (KITTI 2011_10_03_0027 as gtsam ships it)."""
+    imu = driven(rate, 1e-3, 4)
+    rng = np.random.default_rng(rate)
+    stamp = imu.time + rng.uniform(0, 0.3 / rate, len(imu.time))
+    gone = np.zeros(len(stamp), bool)
+    for a, b in ((15.0, 16.6), (30.0, 30.4), (40.0, 40.0 + 1 / rate)):
+        gone |= (imu.time >= a) & (imu.time < b - 1e-9)
+    scale = stamp if by_stamp else np.arange(len(stamp))
+    for values in (imu.gyro, imu.accel):
+        for k in range(3):
+            values[gone, k] = np.interp(scale[gone], scale[~gone], values[~gone, k])
+    found = touched(replace(imu, time=stamp))
+    assert found == {(s, LINE): np.flatnonzero(gone).tolist() for s in (0, 1)}
+
+
+def test_data_interpolated_throughout_are_left_alone() -> None:
+    slow, t = driven(50, 1e-3, 4), np.arange(2, 6000) / 100
+    up = [np.stack([np.interp(t, slow.time, x) for x in v.T], -1) for v in (slow.gyro, slow.accel)]
+    assert touched(Imu(t, np.full(len(t), 0.01), up[0], up[1])) == {}
+
+
+@pytest.mark.parametrize("digits", [1, 2, 3])
+def test_coarse_samples_run_straight_by_chance(digits: int) -> None:
+    imu = driven(100, 0.02, 4)
+    coarse = replace(imu, gyro=np.round(imu.gyro, digits), accel=np.round(imu.accel, digits))
+    assert not any(what == LINE for _, what in touched(coarse))

@@ -1,4 +1,4 @@
-"""Samples that are no measurement: absurd numbers, spikes, stuck, zeroed and clipped stretches.
+"""Samples that are no measurement: absurd, spikes, stuck, zeroed, clipped or filled stretches.
 
 Each test names the samples of one sensor, gyro or accelerometer, that did not measure the motion;
 what they hide is then a gap like any other. A test compares the data with themselves: a spike with
@@ -9,6 +9,7 @@ below it. So it knows no grade, and leaves vibration and hops alone.
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from graphnav.common.run import Array, Imu
 from graphnav.inertial.gaps import Mask, stretches
@@ -33,6 +34,8 @@ OWN_SHARE = 0.5  # of the run: a value held since its start for longer was not r
 CEILING = 3  # samples at exactly the largest value
 PILED = 5.0  # times as many as at the values just below it
 TINY = 1e-12  # of a channel that never moves
+BENT = 2.0  # quanta that rounding bends a straight line, at most
+LEADS = 8.0  # quanta between a filled stretch's ends, in one channel at least
 NAMES = ("gyro", "accelerometer")
 
 
@@ -55,6 +58,7 @@ def screened(imu: Imu, step: float, resting: Mask, causal: bool = False) -> list
     sound = [_carried(x, bad) for x, bad in zip((imu.gyro, imu.accel), absurd, strict=True)]
     spikes = _spikes(np.concatenate(sound, axis=1), step, WAITED if causal else CONTEXT)
     held = _held(np.concatenate(sound, axis=1))
+    filled = _filled(np.concatenate(sound, axis=1), imu.time)
     found: list[Screened] = []
     for sensor in (0, 1):
         own = spikes[:, 3 * sensor : 3 * sensor + 3].any(axis=1) & ~absurd[sensor]
@@ -63,6 +67,7 @@ def screened(imu: Imu, step: float, resting: Mask, causal: bool = False) -> list
             Screened(sensor, "a spike", own),
             Screened(sensor, "stuck", stuck := _stuck(sound[sensor], step, resting)),
             Screened(sensor, "a repeat of the sample before", held & ~stuck),
+            Screened(sensor, "a straight line from one sample to another", filled),
             Screened(sensor, "clipped", _clipped(sound[sensor])),
         ]
     return [f for f in found if f.mask.any()]
@@ -186,16 +191,47 @@ def _held(x: Array) -> Mask:
     at = np.flatnonzero(held)
     if not len(at) or held.mean() >= COARSE:
         return np.zeros(len(x), bool)
-    low, high = np.maximum(at - THEREABOUTS, 0), np.minimum(at + THEREABOUTS, len(x))
-    alone = np.concatenate([np.zeros((1, 6), int), np.cumsum(same & ~held[:, None], axis=0)])
-    told = np.concatenate([[0], np.cumsum(~held)])
-    repeats, of = alone[high] - alone[low], told[high] - told[low]
-    by_chance = ((repeats + 1) / (of + 1)[:, None]).prod(axis=1)
     apart = np.diff(at[np.diff(at, prepend=-2) > 1])
     polled = len(apart) >= SPACED and np.std(apart) < REGULAR * np.mean(apart)
     out = np.zeros(len(x), bool)
-    out[at] = (len(x) * by_chance < CHANCE) & (not polled)
+    out[at] = (len(x) * _chance(same, held, at) < CHANCE) & (not polled)
     return out
+
+
+def _filled(x: Array, time: Array) -> Mask:
+    """Samples (N,) that somebody interpolated: all six channels (N, 6) run straight between two.
+
+    To the last digit, over their stamps (N,) s or their count; not by chance, from how often each
+    channel does so thereabouts. Data resampled as a whole are left alone.
+    """
+    quantum = np.array([_quantum(m) for m in np.abs(np.diff(x, axis=0)).T])
+    gone = np.diff(time)
+    by_stamp = (gone[:-1] / np.maximum(time[2:] - time[:-2], TINY))[:, None]
+    straight = np.zeros(x.shape, bool)
+    for share in (0.5, by_stamp):
+        bend = np.abs(x[1:-1] - x[:-2] - share * (x[2:] - x[:-2]))
+        straight[1:-1] |= bend <= BENT * quantum
+    filled = np.asarray(straight.all(axis=1))
+    if not filled.any() or filled.mean() >= COARSE:
+        return np.zeros(len(x), bool)
+    first, end = stretches(filled)
+    leads = (np.abs(x[end] - x[first - 1]) > LEADS * quantum).any(axis=1)
+    likely = len(x) * _chance(straight, filled, first) ** (end - first)
+    out = np.zeros(len(x), bool)
+    for a, b in zip(first[leads & (likely < CHANCE)], end[leads & (likely < CHANCE)], strict=True):
+        out[a:b] = True
+    return out
+
+
+def _chance(so: NDArray[np.bool_], all_so: Mask, at: NDArray[np.intp]) -> Array:
+    """How likely all six channels are so by chance at samples `at` (n,), as often as each is so
+    alone thereabouts, (n,); `so` (N, 6) by channel.
+    """
+    low, high = np.maximum(at - THEREABOUTS, 0), np.minimum(at + THEREABOUTS, len(so))
+    alone = np.concatenate([np.zeros((1, 6), int), np.cumsum(so & ~all_so[:, None], axis=0)])
+    told = np.concatenate([[0], np.cumsum(~all_so)])
+    count, of = alone[high] - alone[low], told[high] - told[low]
+    return np.asarray(((count + 1) / (of + 1)[:, None]).prod(axis=1))
 
 
 def _clipped(values: Array) -> Mask:
