@@ -6,7 +6,7 @@ vehicle point moves, in the body frame of node i,
     D = (f (1 + s) [sum C_k d_k] - h [sum C_k |dpsi_k| sign d_k]) R_bm e_y
       - (kappa L [sum C_k dpsi_k] - tau [sum C_k d_k psi_dot_k]) R_bm e_x
 
-(forward: A19/A20/A23; lateral: A17 for tracks, and for tyres the slip angle they need to hold a
+(forward: A20, A23; lateral: A17 for tracks, and for tyres the slip angle they need to hold a
 bend, `v_x = tau v_y psi_dot` outwards). The residual is
 
     r = R_i^T (p_j - p_i) + (R_i^T R_j - I) l - D,

@@ -1,9 +1,13 @@
-"""Non-holonomic velocity factor at a node: `[v_x, v_y, 0]` of the vehicle point (A5, A24, B3, D1).
+"""Velocity of the vehicle point at a node: the odometer's, and that it neither slides nor hops.
 
-    r = R_mb (R_nb^T v_n + w x l) - [v_x, v_y, 0]
+    r = v_m - [tau v_y psi_dot - kappa L psi_dot, f (1 + s) v_o - h |psi_dot| sign v_o, 0],
+    v_m = R_mb (R_nb^T v_n + w x l)
 
-with `w` the body's rate relative to the Earth. Without an odometer the forward row is left out
-(its sigma infinite) and the rest is the plain non-holonomic constraint D1.
+with `w` the body's rate relative to the Earth at the node, `psi_dot` its third component and `v_o`
+what the odometer shows at the node's time with the delay in force (A5, A17, A20, A23, A24, B3, D1).
+It is the derivative of `factors.displacement`, for odometers too sparse to be summed. Without an
+odometer the forward row is left out (its sigma infinite) and the rest is the plain non-holonomic
+constraint D1.
 """
 
 from dataclasses import dataclass
@@ -12,8 +16,8 @@ import numpy as np
 
 from factors import kinds, so3
 from factors.block import NODE_DIM, ROTATION, VELOCITY, Array, Block, Scope, Term, whitened
-from factors.calibration import LEVER, MOUNTING, SCALE, Layout
-from factors.displacement import AXES, E_Y, mounting
+from factors.calibration import CORNERING, DELAY, LEVER, MOUNTING, SCALE, Layout
+from factors.displacement import AXES, E_X, E_Y, Coefficient, mounting
 from factors.estimate import Estimate
 
 
@@ -21,30 +25,58 @@ from factors.estimate import Estimate
 class VelocityReading:
     """What is known of the vehicle point's velocity at n nodes."""
 
-    speed: Array  # (n,) m/s, corrected odometer speed before the scale factor
-    lateral: Array  # (n,) m/s
-    rate_b: Array  # (n, 3) rad/s, body relative to the Earth
-    sigma: Array  # (n, 3) m/s; very large leaves a row out
+    speed: Array  # (n,) m/s, as the odometer shows it at the node's time and `delay`
+    change: Array  # (n,) m/s^2, of it by the delay
+    delay: float  # s, that `speed` was taken with
+    rate_b: Array  # (n, 3) rad/s, body relative to the Earth at the node
+    forward: Coefficient  # f
+    lateral: Coefficient  # kappa L [m]
+    gauge: Array  # (n,) h [m]
     roll: float  # rad, of the mounting
+    sigma: Array  # (n, 3) m/s; very large leaves a row out
 
 
 def velocity(reading: VelocityReading, layout: Layout, scope: Scope, x: Estimate) -> Block:
     """Velocity factors at nodes: 3 rows [lateral, forward, vertical], whitened."""
     n, c = len(scope.node), x.calibration[scope.segment]
-    speed, rate_b = reading.speed, reading.rate_b
-    scale, angles, arm = layout.column(SCALE), layout.slices[MOUNTING], layout.slices[LEVER]
+    rate_b, yaw_rate = reading.rate_b, reading.rate_b[:, 2]
+    angles, arm = layout.slices[MOUNTING], layout.slices[LEVER]
     mount = mounting(c[:, angles], reading.roll)
     R_mb, R_nb = so3.transpose(mount.R_bm), x.R_nb[scope.node]
     v_b = so3.mtv(R_nb, x.v_n[scope.node])
     v_m = so3.mv(R_mb, v_b + so3.cross(rate_b, c[:, arm]))
-    r = v_m - ((1 + c[:, scale]) * speed)[:, None] * E_Y
-    r[:, 0] -= reading.lateral
+    told, J_c = _told(reading, layout, c, v_m)
 
-    J_x, J_c = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, layout.dim))
+    J_x = np.zeros((n, 3, NODE_DIM))
     J_x[:, :, ROTATION] = R_mb @ so3.skew(v_b)
     J_x[:, :, VELOCITY] = R_mb @ so3.transpose(R_nb)
-    J_c[:, 1, scale] = -speed
     J_c[:, :, angles] = so3.skew(v_m) @ mount.jacobian
     J_c[:, :, arm] = R_mb @ so3.skew(rate_b)
+    if (cornering := layout.find(CORNERING)) is not None:  # the slip follows the speed
+        slip = (c[:, cornering] * yaw_rate)[:, None]
+        for J in (J_x[:, :, ROTATION], J_x[:, :, VELOCITY], J_c[:, :, angles], J_c[:, :, arm]):
+            J[:, 0] -= slip * J[:, 1]
     terms = (Term("x", scope.node, J_x), Term("c", scope.segment, J_c))
-    return whitened(kinds.VELOCITY, AXES, scope.time, r, reading.sigma, terms)
+    return whitened(kinds.VELOCITY, AXES, scope.time, v_m - told, reading.sigma, terms)
+
+
+def _told(reading: VelocityReading, layout: Layout, c: Array, v_m: Array) -> tuple[Array, Array]:
+    """What running gear and odometer say of `v_m` (n, 3), and the residual's Jacobian (n, 3, dim)
+    by the calibrations that only act there.
+    """
+    yaw_rate, speed = reading.rate_b[:, 2], reading.speed
+    J_c = np.zeros((len(c), 3, layout.dim))
+    forward, scale = reading.forward.value(c), 1 + c[:, layout.column(SCALE)]
+    gain = forward * scale
+    if (delay := layout.find(DELAY)) is not None:
+        speed = speed + (c[:, delay] - reading.delay) * reading.change
+        J_c[:, 1, delay] = -gain * reading.change
+    ahead = gain * speed - reading.gauge * np.abs(yaw_rate) * np.sign(reading.speed)
+    aside = -reading.lateral.value(c) * yaw_rate
+    if (cornering := layout.find(CORNERING)) is not None:
+        aside = aside + c[:, cornering] * v_m[:, 1] * yaw_rate
+        J_c[:, 0, cornering] = -v_m[:, 1] * yaw_rate
+    J_c[:, 1, layout.column(SCALE)] = -forward * speed
+    reading.forward.add_to(J_c, -(scale * speed)[:, None] * E_Y)
+    reading.lateral.add_to(J_c, yaw_rate[:, None] * E_X)
+    return aside[:, None] * E_X + ahead[:, None] * E_Y, J_c

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from graphnav.cli.cli import cli
-from graphnav.reading.vehicle import GRADES, Vehicle
+from graphnav.reading.grades import GRADES
+from graphnav.reading.vehicle import Vehicle
 
 ROOT = Path(__file__).parents[1]
 VEHICLE = (ROOT / "docs" / "vehicle.md").read_text(encoding="utf-8")

@@ -202,10 +202,15 @@ def test_displacement_follows_gyro_errors_and_delay() -> None:
 def test_velocity_jacobian(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = random_estimate(rng, 4, 2, DIM)
+    like = random_reading(rng)
     reading = VelocityReading(
-        speed=rng.normal(size=3),
-        lateral=rng.normal(size=3),
+        speed=5 * rng.normal(size=3),
+        change=rng.normal(size=3),
+        delay=0.02,
         rate_b=rng.normal(size=(3, 3)),
+        forward=like.forward,
+        lateral=like.lateral,
+        gauge=like.gauge,
         sigma=np.full((3, 3), 0.1),
         roll=0.02,
     )

@@ -9,7 +9,7 @@ from runs import VEHICLE, driven, saved
 
 from factors import kinds
 from factors.block import NODE_DIM, Block, Term
-from factors.calibration import Component, Layout, walk
+from factors.calibration import DELAY, LEVER, Component, Layout, walk
 from factors.displacement import phase_prior
 from factors.estimate import Estimate
 from graphnav.batch.first_path import first_path
@@ -48,30 +48,71 @@ def cruising() -> pd.DataFrame:
     return table
 
 
+def sigmas(prep: Prepared, kind: str, intervals: tuple[float, ...]) -> list[np.ndarray]:
+    """Usual sigma by axis of a kind of block with nodes every so many s."""
+    found = []
+    for interval in intervals:
+        nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS, interval)
+        block = blocks_of(prep, nodes)[kind]
+        assert block.sigma is not None
+        found.append(np.median(block.sigma, axis=0))
+    return found
+
+
 def test_errors_of_a_displacement_grow_with_the_root_of_time(tmp_path: Path) -> None:
     """They are white: four intervals know as much as the one that spans them."""
-    prep = prepared(cruising(), tmp_path)
-    sigma = {}
-    for interval in (1.0, 4.0):
-        nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS, interval)
-        block = blocks_of(prep, nodes)[kinds.DISPLACEMENT]
-        assert block.sigma is not None
-        sigma[interval] = np.median(block.sigma, axis=0)
-    np.testing.assert_allclose(sigma[4.0] / sigma[1.0], 2.0, rtol=0.05)
+    one, four = sigmas(prepared(cruising(), tmp_path), kinds.DISPLACEMENT, (1.0, 4.0))
+    np.testing.assert_allclose(four / one, 2.0, rtol=0.05)
+
+
+def test_errors_of_the_sides_grow_with_the_root_of_time(tmp_path: Path) -> None:
+    table = cruising()
+    table["gyro_z"] = 0.2
+    table["odo_left"], table["odo_right"] = table["odo_speed"] - 0.3, table["odo_speed"] + 0.3
+    robot = VEHICLE.replace("wheeled", "tracked")
+    one, four = sigmas(prepared(table, tmp_path, robot), kinds.TRACK_WIDTH, (1.0, 4.0))
+    np.testing.assert_allclose(four / one, 2.0, rtol=0.05)
+
+
+def test_velocities_close_together_share_their_error(tmp_path: Path) -> None:
+    """Four samples a second know as much as one; two seconds apart each stands alone."""
+    table = cruising()
+    table.loc[np.arange(len(table)) % 50 > 0, "odo_speed"] = np.nan  # 1 Hz: no displacements
+    quarter, one, two = sigmas(prepared(table, tmp_path), kinds.VELOCITY, (0.25, 1.0, 2.0))
+    np.testing.assert_allclose(quarter / one, 2.0, rtol=0.05)
+    np.testing.assert_allclose(two / one, 1.0, rtol=0.05)
+
+
+def test_a_velocity_is_read_at_the_rate_of_its_own_node(tmp_path: Path) -> None:
+    """A bend that tightens: the mean of the interval before is half a second old."""
+    table = cruising().drop(columns="odo_speed")
+    table["gyro_z"] = 0.4 * np.sin(table["time"] - 0.01)  # the mean of the 20 ms before
+    prep = prepared(table, tmp_path)
+    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS)
+    block = blocks_of(prep, nodes)[kinds.VELOCITY]
+    assert block.sigma is not None
+    lever = prep.setup.layout.slices[LEVER]  # its derivative is the rate's cross product
+    by_lever = block.terms[1].jacobian[:, 1, lever] * block.sigma[:, 1:2]
+    then = 0.4 * np.sin(block.time + prep.sensed.run.clock_start)
+    np.testing.assert_allclose(by_lever[:-1, 0], then[:-1], atol=1e-3)
+
+
+def sparse(late: float, given: str) -> tuple[pd.DataFrame, str]:
+    """An odometer of 1 Hz whose clock is ahead while the vehicle speeds up: it stamps with t + late
+    what is at t.
+    """
+    table = cruising()
+    table["accel_y"] = 0.5
+    at = np.arange(len(table)) % 50 == 0
+    table["odo_speed"] = np.where(at, 5.0 + 0.5 * (table["time"] - late), np.nan)
+    return table, f"{VEHICLE}\n[odometer]\n{given}\n"
 
 
 def test_a_sparse_odometer_is_read_at_the_nodes_own_time(tmp_path: Path) -> None:
-    """Its clock is 0.4 s ahead while the vehicle speeds up: it stamps with t + 0.4 what is at t."""
-    table, late = cruising(), 0.4
-    table["accel_y"] = 0.5
-    at = np.arange(len(table)) % 50 == 0
-    true = 5.0 + 0.5 * (table["time"] - late)
-    table["odo_speed"] = np.where(at, true, np.nan)
-    clock = f"{VEHICLE}\n[odometer]\ntime_offset_s = {late}\ntime_offset_sd_s = 0.0\n"
-    prep = prepared(table, tmp_path, clock)
+    table, vehicle = sparse(0.4, "time_offset_s = 0.4\ntime_offset_sd_s = 0.0")
+    prep = prepared(table, tmp_path, vehicle)
     nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS)
-    blocks = blocks_of(prep, nodes)
-    block = blocks[kinds.VELOCITY]
+    block = blocks_of(prep, nodes)[kinds.VELOCITY]
     assert block.sigma is not None
     at_nodes = first_path(prep, nodes).estimate
     v_y = np.einsum("nji,nj->ni", at_nodes.R_nb, at_nodes.v_n)[block.terms[0].index, 1]
@@ -79,6 +120,19 @@ def test_a_sparse_odometer_is_read_at_the_nodes_own_time(tmp_path: Path) -> None
     run_time = block.time + prep.sensed.run.clock_start
     inner = (block.sigma[:, 1] < 1.0) & (block.time < 55)
     np.testing.assert_allclose(read[inner], (5.0 + 0.5 * run_time)[inner], atol=0.02)
+
+
+def test_the_delay_of_a_sparse_odometer_acts_on_its_speed(tmp_path: Path) -> None:
+    """Read later by a delay that turns out larger: what the vehicle gains in that time."""
+    table, vehicle = sparse(0.0, "time_offset_sd_s = 0.3")
+    prep = prepared(table, tmp_path, vehicle)
+    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS)
+    block = blocks_of(prep, nodes)[kinds.VELOCITY]
+    assert block.sigma is not None
+    by_delay = block.terms[1].jacobian[:, 1, prep.setup.layout.column(DELAY)] * block.sigma[:, 1]
+    inner = (block.sigma[:, 1] < 1.0) & (block.time > 1) & (block.time < 55)
+    assert inner.sum() > 40
+    np.testing.assert_allclose(by_delay[inner], -0.5, atol=1e-3)
 
 
 def test_a_random_walk_grows_with_the_root_of_time() -> None:

@@ -14,7 +14,8 @@ from graphnav.common.errors import InputError
 from graphnav.graph.calibrations import scale_components
 from graphnav.reading import columns, units
 from graphnav.reading.axes import DIRECTIONS, axes_matrix, axes_name
-from graphnav.reading.vehicle import GRADES, BodySpec, ImuSpec, OdometerSpec, StartSpec
+from graphnav.reading.grades import GRADES
+from graphnav.reading.vehicle import BodySpec, ImuSpec, OdometerSpec, StartSpec
 from graphnav.reading.vehicle_file import TABLES, load_vehicle, parse_vehicle
 
 WHEELED = {"vehicle": {"kind": "wheeled"}}
@@ -93,7 +94,15 @@ def test_grade_fills_what_is_not_given_and_explicit_keys_win() -> None:
 
 def test_grades_fill_exactly_the_noise_keys() -> None:
     for figures in GRADES.values():
-        assert set(figures) == {k for k in ImuSpec.model_fields if k not in ("axes", "grade")}
+        assert set(figures) | {"gyro_instability_deg_h", "accel_instability_mg"} == {
+            k for k in ImuSpec.model_fields if k not in ("axes", "grade")
+        }
+
+
+def test_biases_wander_by_a_tenth_of_what_they_are() -> None:
+    imu = parse_vehicle({**WHEELED, "imu": {"grade": "fog", "accel_bias_mg": 3.0}}).imu
+    assert imu.gyro_instability_deg_h == pytest.approx(0.1 * GRADES["fog"]["gyro_bias_deg_h"])
+    assert imu.accel_instability_mg == pytest.approx(0.3)
 
 
 def test_deviations_are_wider_when_nothing_is_stated() -> None:

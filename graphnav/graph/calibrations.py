@@ -32,13 +32,12 @@ MG = 1e-3 * G_STANDARD  # m/s^2
 PPM = 1e-6
 
 SURPRISING = 3.0  # sigma of its prior, beyond which a bias found overrules it
-BIAS_DRIFT = 0.2 / 60  # of the bias' sigma per sqrt(s): a fifth of it in an hour
+INSTABILITY_S, HOUR_S = 900.0, 3600.0  # s in which biases, and the odometer's scale, wander
 CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
 REFERENCE = ("straight_high", "moving")
 WIDTH_RATIO, WIDTH_RATIO_SD = 1.5, 0.6  # effective over geometric track width of a skidding vehicle
 SEARCHED_SD_S = 0.3  # of a delay sought before the solve
 COMMON_SHARE, COMMON_S = 0.3, 300.0  # of a fix's sd that neighbours share, and for how long
-SCALE_WALK = 5e-5  # per sqrt(s): 3 permille in an hour, a warm tyre
 
 
 def layout(
@@ -63,7 +62,9 @@ def layout(
     components = [
         *bias_components(vehicle, gyro_bias),
         *scale_components(vehicle, weight),
-        Component(SCALE, np.zeros(1), _one(odometer.scale_sd), SCALE_WALK),
+        Component(
+            SCALE, np.zeros(1), _one(odometer.scale_sd), _wander(odometer.scale_wander, HOUR_S)
+        ),
         Component(MOUNTING, odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
         Component(LEVER, odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
     ]
@@ -95,12 +96,15 @@ def bias_components(
     """Gyro and accelerometer bias, as large as the sensors' grade says, or as a `gyro_bias` (3,)
     rad/s found far beyond it.
     """
-    gyro, accel = vehicle.imu.gyro_bias_deg_h * DEG_H, vehicle.imu.accel_bias_mg * MG
+    spec = vehicle.imu
+    gyro, accel = spec.gyro_bias_deg_h * DEG_H, spec.accel_bias_mg * MG
+    gyro_walk = _wander(spec.gyro_instability_deg_h * DEG_H, INSTABILITY_S)
+    accel_walk = _wander(spec.accel_instability_mg * MG, INSTABILITY_S)
     seen = np.zeros(3) if gyro_bias is None else np.abs(gyro_bias)
     gyro_sd = np.where(seen > SURPRISING * gyro, seen, gyro)
     return (
-        Component(GYRO_BIAS, np.zeros(3), gyro_sd, BIAS_DRIFT * gyro),
-        Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), BIAS_DRIFT * accel),
+        Component(GYRO_BIAS, np.zeros(3), gyro_sd, gyro_walk),
+        Component(ACCEL_BIAS, np.zeros(3), np.full(3, accel), accel_walk),
     )
 
 
@@ -133,6 +137,11 @@ def gnss_components(vehicle: Vehicle, gnss: Gnss | None, delay: float = 0.0) -> 
         sd = np.hypot(spec.time_offset_sd_s, SEARCHED_SD_S if searched else 0.0)
         found.append(Component(GNSS_DELAY, _one(delay), _one(float(sd))))
     return found
+
+
+def _wander(by: float, in_s: float) -> float | None:
+    """Random walk per sqrt(s) that is 1 sigma `by` after so many s; None where it stays."""
+    return by / np.sqrt(in_s) if by > 0 else None
 
 
 def _one(x: float) -> Array:

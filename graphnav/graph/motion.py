@@ -1,9 +1,11 @@
 """What the running gear says between and at nodes: odometer and non-holonomic constraint."""
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from factors import kinds, so3
-from factors.block import Index
+from factors.block import Index, Scope
 from factors.calibration import DELAY, TRACK_WIDTH, Layout, forward_of, lateral_of
 from factors.displacement import (
     Coefficient,
@@ -22,7 +24,8 @@ from graphnav.graph.nodes import Nodes
 from graphnav.graph.noise import Parts, States
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.round import Factor, Round, with_noise
-from graphnav.inertial.odometry import heard, odometer_steps, odometer_sums, speed_at
+from graphnav.inertial.odometry import RATE_S, heard, odometer_steps, odometer_sums, speed_at
+from graphnav.inertial.quietness import Mask
 
 SPARSE_S = 0.6  # an odometer slower than this gives velocities, not displacements
 
@@ -86,18 +89,28 @@ def _displacements(round_: Round, on: Index) -> tuple[Factor, Parts]:
     layout, scope = prep.setup.layout, nodes.intervals.of(on)
     names = driven(prep, round_.state[on])
     sums = sums_of(prep, nodes, round_.pre, round_.at).of(on)
-    factor = _column(prep, names, "factor")
-    lateral = _column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length
-    noise = displacement_noise(round_, on, names, sums, factor)
+    noise = displacement_noise(round_, on, names, sums, _column(prep, names, "factor"))
     reading = DisplacementReading(
         sums=sums,
-        forward=_coefficient(layout, [forward_of(s) for s in names], factor),
-        lateral=_coefficient(layout, [lateral_of(s) for s in names], lateral),
+        forward=_forward(prep, names),
+        lateral=_lateral(prep, names),
         gauge=_column(prep, names, "half_gauge"),
         roll=float(prep.setup.vehicle.odometer.mount_b[1]),
         sigma=noise.sigma,
     )
     return with_noise(noise, lambda x: displacement(reading, layout, scope, x)), noise
+
+
+def _forward(prep: Prepared, names: States) -> Coefficient:
+    """The odometer's factor in each state."""
+    held = _column(prep, names, "factor")
+    return _coefficient(prep.setup.layout, [forward_of(s) for s in names], held)
+
+
+def _lateral(prep: Prepared, names: States) -> Coefficient:
+    """Sideways metres per radian of turn in each state (A17)."""
+    held = _column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length
+    return _coefficient(prep.setup.layout, [lateral_of(s) for s in names], held)
 
 
 def _coefficient(layout: Layout, names: list[str], held: Array) -> Coefficient:
@@ -124,28 +137,61 @@ def _track_width(round_: Round, on: Index) -> tuple[Factor, Parts]:
 
 def _velocities(round_: Round, moving: Index) -> tuple[Factor, Parts]:
     """Velocity at the end of each moving interval; the forward row only with an odometer."""
-    prep, pre = round_.prep, round_.pre
+    prep, layout = round_.prep, round_.prep.setup.layout
     names, scope = driven(prep, round_.state[moving]), round_.nodes.at(moving + 1)
-    rate = so3.log(pre.dR)[moving] / pre.T[moving, None]
-    speed, told = np.zeros(len(moving)), np.zeros(len(moving), bool)
-    odometer = prep.sensed.run.odometer
-    if odometer is not None:
-        stamp = scope.time + delay_of(prep, round_.at)
-        speed = _speed(odometer, stamp) * _column(prep, names, "factor")
-        told = heard(odometer.time, stamp, stamp)
-    lateral = -_column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length * rate[:, 2]
-    roll, layout = float(prep.setup.vehicle.odometer.mount_b[1]), prep.setup.layout
-    pace = np.linalg.norm(round_.at.v_n[moving + 1], axis=1)
-    noise = velocity_noise(round_, names, pace, rate[:, 2], told)
-    reading = VelocityReading(speed, lateral, rate, noise.sigma, roll)
+    spoken = _spoken(prep.sensed.run.odometer, scope.time + delay_of(prep, round_.at))
+    rate_b = _rate(round_, scope)
+    noise = velocity_noise(round_, moving, names, rate_b[:, 2], spoken.heard)
+    reading = VelocityReading(
+        speed=spoken.speed,
+        change=spoken.change,
+        delay=delay_of(prep, round_.at),
+        rate_b=rate_b,
+        forward=_forward(prep, names),
+        lateral=_lateral(prep, names),
+        gauge=_column(prep, names, "half_gauge"),
+        roll=float(prep.setup.vehicle.odometer.mount_b[1]),
+        sigma=noise.sigma,
+    )
     return with_noise(noise, lambda x: velocity(reading, layout, scope, x)), noise
 
 
-def _speed(odometer: Odometer, time: Array) -> Array:
-    """As recorded; a counter has no speed of its own: differenced over 0.2 s."""
-    if odometer.pulse > 0:
-        return speed_at(odometer, time)
-    return np.interp(time, odometer.time, odometer.speed)
+@dataclass(frozen=True)
+class _Spoken:
+    """What an odometer says at n times of its own clock."""
+
+    speed: Array  # (n,) m/s
+    change: Array  # (n,) m/s^2
+    heard: Mask  # (n,) whether it says anything
+
+
+def _spoken(odometer: Odometer | None, time: Array) -> _Spoken:
+    """Speed as recorded; a counter has none of its own: differenced over 0.2 s."""
+    none = np.zeros(len(time))
+    if odometer is None:
+        return _Spoken(none, none, none > 0)
+
+    def speed(at: Array) -> Array:
+        if odometer.pulse > 0:
+            return speed_at(odometer, at)
+        return np.interp(at, odometer.time, odometer.speed)
+
+    change = (speed(time + RATE_S) - speed(time - RATE_S)) / (2 * RATE_S)
+    return _Spoken(speed(time), change, heard(odometer.time, time, time))
+
+
+def _rate(round_: Round, at_nodes: Scope) -> Array:
+    """The body's rate relative to the Earth at nodes (n, 3) rad/s, the mean of `RATE_S` to either
+    side.
+    """
+    prep, edge = round_.prep, round_.prep.sensed.inc.edge
+    owner = interval_of_increment(round_.nodes.edge)
+    steps = corrected(prep.sensed.inc, round_.pre.errors[owner]).rotation
+    turned = np.concatenate([np.zeros((1, 3)), np.cumsum(steps, axis=0)])
+    ends = np.clip(at_nodes.time + np.array([[-RATE_S], [RATE_S]]), edge[0], edge[-1])
+    behind, ahead = np.stack([np.interp(ends, edge, angle) for angle in turned.T], -1)
+    earth = so3.mtv(round_.at.R_nb[at_nodes.node], prep.setup.alignment.origin.Omega_n)
+    return np.asarray((ahead - behind) / (ends[1] - ends[0])[:, None] - earth)
 
 
 def driven(prep: Prepared, state: States) -> States:

@@ -17,14 +17,20 @@ from graphnav.graph.noise import Parts, States, parts
 from graphnav.graph.preparation import Setup
 from graphnav.graph.round import Round
 from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.quietness import Mask
 
-BOUNDARY_S = 0.3  # by which a change of state is misplaced, gears and ramps included
-VERTICAL = 0.05  # m/s, suspension and bumps
-BEND_S = 0.01  # s, of the centripetal acceleration: slip angles beyond the linear tyre
-CHANGE_S = 0.03  # s, of the acceleration: stamps, wheel slip, the inertia of the running gear
-BUMP = 0.003  # of the speed: the ground's profile
-YAW_FLOOR, YAW_SHARE = 0.02, 0.1  # m; of the sides' difference that a skidding turn may be off
+# What the noise begins with: found anew in the residuals (`noise.py`), so orders of magnitude only,
+# as the recorded cars and robots of ../shared/data show them
+VERTICAL = 0.05  # m/sqrt(s), suspension and bumps
+BEND_S = 0.01  # s sqrt(s), of the centripetal acceleration: slip angles beyond the linear tyre
+CHANGE_S = 0.03  # s, of the change of speed: stamps, wheel slip, the inertia of the running gear
+BUMP = 0.003  # sqrt(s), of the speed: the ground's profile
+YAW_FLOOR = 0.02  # m/sqrt(s), of the sides' difference
+YAW_SHARE = 0.1  # sqrt(s), of that in a skidding turn
+# not found in the residuals
+BOUNDARY_S = 0.3  # by which a change of state is misplaced: three samples of its recognition
 LEAST_FORWARD = 3e-3  # m/sqrt(s): no wheel rolls truer, whatever a counter shows
+ALONE_S = 1.0  # s over which errors of the velocity last: bumps and swerves
 DROPPED = 1e6  # sigma of a row that says nothing
 
 
@@ -44,7 +50,7 @@ def displacement_noise(
     usual = _usual(round_.prep.setup, names)
     assumed = {
         "usual": np.where(usual < DROPPED, usual, 0.0) * np.sqrt(T)[:, None],
-        "bend": _by_axis(BEND_S * speed * turn, 0, 0),
+        "bend": _by_axis(BEND_S * speed * turn / np.sqrt(T), 0, 0),
         "change": _by_axis(0, CHANGE_S * change, 0),
         "bumps": _by_axis(0, 0, BUMP * speed * np.sqrt(T)),
     }
@@ -59,17 +65,22 @@ def displacement_noise(
 
 
 def velocity_noise(
-    round_: Round, names: States, pace: Array, yaw_rate: Array, heard: Array
+    round_: Round, ending: Index, names: States, yaw_rate: Array, heard: Mask
 ) -> Parts:
-    """Errors (n, 3) m/s of velocities at `pace` (n,) m/s and `yaw_rate` (n,) rad/s; `heard` (n,)
-    whether there is an odometer to tell the forward one.
+    """Errors (n, 3) m/s of velocities at the ends of intervals (n,), turning by `yaw_rate` (n,)
+    rad/s; `heard` (n,) whether there is an odometer to tell the forward one.
+
+    What is white over an interval T is a velocity off by `sigma / sqrt(T)`; a sample that stands
+    alone for longer than `ALONE_S` knows no more for that.
     """
     usual = _usual(round_.prep.setup, names)
     usual[:, 1] = np.where(heard, usual[:, 1], DROPPED)
+    pace = np.linalg.norm(round_.at.v_n[ending + 1], axis=1)
+    root = np.sqrt(np.minimum(round_.pre.T[ending], ALONE_S))[:, None]
     assumed = {
-        "usual": np.where(usual < DROPPED, usual, 0.0),
-        "bend": _by_axis(BEND_S * pace * np.abs(yaw_rate), 0, 0),
-        "bumps": _by_axis(0, 0, BUMP * pace),
+        "usual": np.where(usual < DROPPED, usual, 0.0) / root,
+        "bend": _by_axis(BEND_S * pace * np.abs(yaw_rate), 0, 0) / root,
+        "bumps": _by_axis(0, 0, BUMP * pace) / root,
     }
     fixed = np.where(usual < DROPPED, 0.0, DROPPED)
     return parts(kinds.VELOCITY, names, AXES, assumed, round_.scales, fixed=fixed)
@@ -79,11 +90,11 @@ def track_width_noise(round_: Round, on: Index) -> Parts:
     """Errors (n, 1) m of the sides' difference over intervals `on`; slip as the gyro turns: what
     the sides themselves show would weigh down those that slip most.
     """
-    turn = so3.log(round_.pre.dR[on])[:, 2]
-    swept = round_.prep.setup.vehicle.body.track_gauge * np.abs(turn)
+    root = np.sqrt(round_.pre.T[on])[:, None]
+    rate = so3.log(round_.pre.dR[on])[:, 2:] / root**2
     assumed = {
-        "usual": np.full((len(on), 1), YAW_FLOOR),
-        "slip": YAW_SHARE * swept[:, None],
+        "usual": YAW_FLOOR * root,
+        "slip": YAW_SHARE * round_.prep.setup.vehicle.body.track_gauge * np.abs(rate) * root,
     }
     state = np.full(len(on), "")
     return parts(kinds.TRACK_WIDTH, state, ("yaw",), assumed, round_.scales)
@@ -101,7 +112,9 @@ def _change(factor: Array) -> Array:
 
 
 def _usual(setup: Setup, names: States) -> Array:
-    """Velocity sigma of each interval by axis, (n, 3) m/s; rows the table discards are dropped."""
+    """White error of each interval's velocity by axis, (n, 3) m/sqrt(s); rows that the table
+    discards are dropped.
+    """
     by_state = {
         state: (row.sigma_lateral, row.sigma_forward if row.use_odometer else DROPPED, VERTICAL)
         for state, row in setup.table.items()

@@ -13,35 +13,25 @@ from pydantic import BaseModel, ConfigDict, Field, field_validator, model_valida
 
 from graphnav.reading import columns, units
 from graphnav.reading.axes import axes_matrix
+from graphnav.reading.grades import (
+    DEFAULT_GRADE,
+    GRADES,
+    INSTABILITY,
+    Grade,
+    from_grade,
+    from_grade_like,
+    share_of,
+)
 
 Array = NDArray[np.float64]
 Kind = Literal["tracked", "wheeled", "rover"]
 Bearer = Literal["imu", "vehicle"]
-Grade = Literal["navigation", "fog", "tactical", "mems"]
 # no length, angle or noise of a vehicle is larger; squares of larger ones leave a float's range
 LARGEST, SMALLEST = 1e9, 1e-12
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False, ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[Number, Field(ge=SMALLEST)]
 NotNegative = Annotated[Number, Field(ge=0)]
 Vector = tuple[Number, Number, Number]
-
-# typical 1-sigma figures; explicit keys win over them. Scale factors: most sensors 100 to 1000 ppm,
-# ring lasers 1 to 100, cheap MEMS up to a per cent (Groves 2013, Principles of GNSS, 4.4.2)
-GRADES: dict[str, dict[str, float]] = {
-    "navigation": {"gyro_bias_deg_h": 0.005, "gyro_noise_deg_sqrt_h": 0.001,
-                   "gyro_scale_ppm": 20.0, "accel_bias_mg": 0.03,
-                   "accel_noise_mg_sqrt_hz": 0.005, "accel_scale_ppm": 100.0},
-    "fog": {"gyro_bias_deg_h": 0.05, "gyro_noise_deg_sqrt_h": 0.005,
-            "gyro_scale_ppm": 300.0, "accel_bias_mg": 0.1,
-            "accel_noise_mg_sqrt_hz": 0.02, "accel_scale_ppm": 500.0},
-    "tactical": {"gyro_bias_deg_h": 5.0, "gyro_noise_deg_sqrt_h": 0.15,
-                 "gyro_scale_ppm": 500.0, "accel_bias_mg": 2.0,
-                 "accel_noise_mg_sqrt_hz": 0.1, "accel_scale_ppm": 1000.0},
-    "mems": {"gyro_bias_deg_h": 200.0, "gyro_noise_deg_sqrt_h": 0.4,
-             "gyro_scale_ppm": 5000.0, "accel_bias_mg": 20.0,
-             "accel_noise_mg_sqrt_hz": 0.2, "accel_scale_ppm": 10000.0},
-}  # fmt: skip
-DEFAULT_GRADE: Grade = "mems"
 
 
 def key(about: str, unit: str = "", default: Any = None) -> Any:
@@ -58,22 +48,6 @@ def key(about: str, unit: str = "", default: Any = None) -> Any:
 def sharper_if(given: str, sd: float, otherwise: float) -> Any:
     """A default for `key`: `sd` when the file states `given`, `otherwise` when it does not."""
     return lambda fields: sd if fields.get(given) is not None else otherwise
-
-
-def from_grade(name: str) -> Any:
-    """A default for `key`: the figure `name` of the grade stated, or of `DEFAULT_GRADE`."""
-    return lambda fields: GRADES[fields.get("grade") or DEFAULT_GRADE][name]
-
-
-def from_grade_like(name: str, stated: str) -> Any:
-    """As `from_grade`, but without a grade stated from that whose figure `stated` is nearest."""
-
-    def figure(fields: dict[str, Any]) -> float:
-        value = float(fields.get(stated) or GRADES[DEFAULT_GRADE][stated])
-        apart = {grade: abs(np.log(of[stated] / value)) for grade, of in GRADES.items()}
-        return GRADES[fields.get("grade") or min(apart, key=apart.__getitem__)][name]
-
-    return figure
 
 
 class Section(BaseModel):
@@ -106,6 +80,9 @@ class OdometerSpec(Section):
     column: Literal["odo_pulses", "odo_speed"] | None = key("which column; whichever is there")
     metres_per_pulse: Positive | None = key("nominal distance per count", "m")
     scale_sd: Positive = key("1 sigma of the scale factor (0.02 = 2 %)", default=0.02)
+    scale_wander: NotNegative = key(
+        "by how much it wanders in an hour, 1 sigma (a tyre warms by 3 permille)", default=0.003
+    )
     lever_arm: Vector | None = key("IMU to the odometer point, b frame", "m")
     lever_arm_sd: Positive = key(
         "1 sigma of each component", "m", sharper_if("lever_arm", 0.1, 1.0)
@@ -144,6 +121,11 @@ class ImuSpec(Section):
         "ppm",
         from_grade_like("gyro_scale_ppm", "gyro_bias_deg_h"),
     )
+    gyro_instability_deg_h: NotNegative = key(
+        "by how much the bias wanders in a quarter of an hour, 1 sigma; a tenth of it if not given",
+        "deg/h",
+        share_of("gyro_bias_deg_h", INSTABILITY),
+    )
     accel_bias_mg: Positive = key("1 sigma of the constant part", "mg", from_grade("accel_bias_mg"))
     accel_noise_mg_sqrt_hz: Positive = key(
         "velocity random walk", "mg/sqrt(Hz)", from_grade("accel_noise_mg_sqrt_hz")
@@ -152,6 +134,9 @@ class ImuSpec(Section):
         "1 sigma of each axis' scale factor; 0 holds it",
         "ppm",
         from_grade_like("accel_scale_ppm", "accel_bias_mg"),
+    )
+    accel_instability_mg: NotNegative = key(
+        "as `gyro_instability_deg_h`", "mg", share_of("accel_bias_mg", INSTABILITY)
     )
 
     @field_validator("axes")

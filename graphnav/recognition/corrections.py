@@ -50,8 +50,8 @@ class Correction:
     kappa_sd: float
     use_odometer: bool  # False: the forward speed is left to the inertial sensors
     low_gear: bool  # v_o carries the low gear ratio
-    sigma_forward: float  # m/s, what the row leaves unexplained of v_y
-    sigma_lateral: float  # m/s, the same of v_x
+    sigma_forward: float  # m/sqrt(s), white: what the row leaves unexplained of the way along y
+    sigma_lateral: float  # m/sqrt(s), the same along x
     source: str  # tag of methods.md
 
     def forward(self, v_o: Array, yaw_rate: Array) -> Array:
