@@ -1,11 +1,21 @@
 """Where nodes stand: always at events, near fixes, once a second, few at rest."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
 from graphnav.common.run import Array
-from graphnav.graph.nodes import CLOSEST_S, nearest_node, place_nodes
+from graphnav.graph.nodes import (
+    CLOSEST_S,
+    Schedule,
+    first_in_slot,
+    near_fixes,
+    nearest_node,
+    next_node,
+    place_nodes,
+)
 
 EDGES = np.arange(2001) * 0.05  # 100 s at 20 Hz
 NONE = np.zeros(0)
@@ -16,6 +26,65 @@ times = st.lists(st.floats(0, 100), max_size=20).map(np.array)
 def spans(a: float, b: float) -> Array:
     """One rest."""
     return np.array([[a, b]])
+
+
+def walked(by: Schedule) -> list[int]:
+    """Edges of the nodes from the first on, until one is open."""
+    found = [0]
+    while found[-1] < len(by.edge) - 1 and (node := next_node(found[-1], by)) is not None:
+        found.append(node)
+    return found
+
+
+def as_heard(edge: Array, rest: tuple[float, float], fixes: Array, judged: int) -> Schedule:
+    """What a stream knows of one rest when so many increments are judged."""
+    resting = ((edge[:-1] > rest[0]) & (edge[:-1] < rest[1]))[:judged].astype(float)
+    events = (np.flatnonzero(np.diff(resting)) + 1).tolist()
+    return Schedule(edge, judged, events, fixes, resting, 0.0, 1.0)
+
+
+def test_a_stream_places_nodes_at_rests_fixes_and_seconds() -> None:
+    edge, fixes = np.arange(0, 40, 0.05), np.array([2.4, 3.3, 15.0])
+    nodes = walked(as_heard(edge, (10.3, 25.7), fixes, len(edge) - 1))
+    near = [0, 1, 2, 2.4, 3, 3.3, 4, 5, 6, 7, 8, 9, 10, 10.35, 20.35, 25.7, 26]
+    np.testing.assert_allclose(edge[nodes[: len(near)]], near, atol=0.051)
+    assert np.diff(edge[nodes]).max() < 10.06
+
+
+@given(st.integers(100, 798), times)
+def test_with_less_heard_the_same_nodes_as_far_as_they_are_known(judged: int, at: Array) -> None:
+    edge, fixes = np.arange(0, 40, 0.05), np.sort(at)
+    whole = walked(as_heard(edge, (10.3, 25.7), fixes, len(edge) - 1))
+    part = walked(as_heard(edge, (10.3, 25.7), fixes, judged))
+    assert part == whole[: len(part)]
+    assert part[-1] >= judged - 10.05 / 0.05
+
+
+def test_a_stream_places_nodes_as_close_as_told() -> None:
+    edge = np.arange(0, 20, 0.05)
+    by = replace(as_heard(edge, (30, 30), np.array([3.33]), len(edge) - 1), interval=0.1)
+    step = np.diff(edge[walked(by)])
+    assert len(step) > 190 and step.max() < 0.151 and step.min() > 0.049
+
+
+@given(times, times)
+def test_batch_and_stream_differ_only_where_a_node_gives_way(events: Array, fixes: Array) -> None:
+    aids = near_fixes(np.sort(fixes))
+    at = np.unique([*np.rint(events / 0.05).astype(int), 2000])
+    nodes = place_nodes(EDGES, EDGES[at], aids, NO_RESTS)
+    by = Schedule(EDGES, 2001, at.tolist(), aids, np.zeros(2000), 0.0, 1.0)
+    assert walked(replace(by, ahead=CLOSEST_S)) == nodes.edge.tolist()
+    for edge in np.setdiff1d(walked(by), nodes.edge):
+        late = (EDGES[at[at > edge]] - EDGES[edge]).min()
+        assert 0 < late < 2 * CLOSEST_S
+
+
+def test_fixes_in_pieces_ask_for_the_same_nodes() -> None:
+    time = np.sort(np.random.default_rng(3).uniform(0, 30, 200))
+    asked = np.zeros(0)
+    for part in np.array_split(time, [1, 2, 90, 91]):
+        asked = np.append(asked, part[first_in_slot(part, asked[-1:])])
+    np.testing.assert_array_equal(asked, near_fixes(time))
 
 
 def test_once_a_second() -> None:

@@ -1,4 +1,4 @@
-"""What a stream takes in: samples in pieces, late, broken or misused; where its nodes stand."""
+"""What a stream takes in: samples in pieces, late, broken or misused."""
 
 import subprocess
 import sys
@@ -13,7 +13,6 @@ from streams import cut, prepared, with_run
 from graphnav import Smoother
 from graphnav.cli.cli import main
 from graphnav.common.errors import InputError
-from graphnav.graph.nodes import next_node
 from graphnav.graph.preparation import Prepared
 from graphnav.inertial.increments import increments
 from graphnav.simulation import simulate
@@ -64,33 +63,6 @@ def test_distance_of_a_stream_is_that_of_the_run(prep: Prepared) -> None:
     np.testing.assert_allclose(found.distance, odometer.distance[:400], atol=1e-9)
     expected = np.sin(by_speed.time) - np.sin(by_speed.time[0])
     np.testing.assert_allclose(by_speed.distance, expected, atol=1e-2)
-
-
-def test_nodes_stand_at_rests_fixes_and_seconds() -> None:
-    edge = np.arange(0, 40, 0.05)
-    still = ((edge[:-1] > 10.3) & (edge[:-1] < 25.7)).astype(float)
-    fixes = np.array([2.4, 2.5, 3.3, 15.0])
-    nodes = [0]
-    while (found := next_node(nodes[-1], edge, still, fixes, 0.0, 1.0)) is not None:
-        nodes.append(found)
-    t = edge[nodes]
-    near = [0, 1, 2, 2.4, 3, 3.3, 4, 5, 6, 7, 8, 9, 10, 10.35, 20.35, 25.7, 26]
-    np.testing.assert_allclose(t[: len(near)], near, atol=0.051)
-    assert np.diff(t).max() < 10.06
-    # with less recorded the same nodes, as far as they are known
-    part = [0]
-    while (found := next_node(part[-1], edge, still[:500], fixes, 0.0, 1.0)) is not None:
-        part.append(found)
-    assert part == nodes[: len(part)] and len(part) >= 13
-
-
-def test_nodes_stand_as_close_as_told() -> None:
-    edge, still = np.arange(0, 20, 0.05), np.zeros(399)
-    nodes = [0]
-    while (found := next_node(nodes[-1], edge, still, np.array([3.33]), 0.0, 0.1)) is not None:
-        nodes.append(found)
-    step = np.diff(edge[nodes])
-    assert len(nodes) > 190 and step.max() < 0.151 and step.min() > 0.049
 
 
 def test_samples_one_by_one_and_a_latitude(directory: Path) -> None:

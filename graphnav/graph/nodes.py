@@ -1,6 +1,9 @@
 """Where the smoother's nodes stand: 1 Hz, and wherever something happens."""
 
+from bisect import bisect_left, bisect_right
 from dataclasses import dataclass
+from functools import cached_property
+from math import floor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,68 +42,101 @@ class Nodes:
         return Scope(node, self.segment[np.maximum(node - 1, 0)], stamp)
 
 
-def place_nodes(
-    edges: Array, events: Array, extra: Array, rests: Array, interval: float = INTERVAL_S
-) -> Nodes:
-    """Nodes every `interval`, at `events` (standstill edges, state boundaries) and near `extra`.
+@dataclass(frozen=True)
+class Schedule:
+    """What nodes are placed by, as far as it is known."""
 
-    `edges` (M + 1,) s; `events` are kept always, `extra` (fixes) where no event is closer than
-    `CLOSEST_S`, grid nodes where neither is. Inside `rests` (K, 2) s there are only a few.
-    """
-    last = len(edges) - 1
-    grid = np.arange(edges[0], edges[-1], interval)
-    resting = _inside(grid, rests)
-    coarse = np.concatenate([np.arange(a, b, REST_INTERVAL_S) for a, b in rests] or [grid[:0]])
-    extra = extra[~_inside(extra, rests)]
+    edge: Array | list[float]  # (M + 1,) s, of the increments
+    judged: int  # edges before this one are known to be events, or none
+    events: list[int]  # edges where a node must stand, in order
+    aids: Array | list[float]  # s, times of fixes that ask for nodes, in order
+    resting: Array | list[bool]  # (at least `judged` - 1,) whether each increment is at standstill
+    start: float  # s, where the grid begins
+    interval: float  # s, its step
+    ahead: float = 0.0  # s behind a node of which the events are known when it is placed
 
-    def nearest(times: Array) -> Index:
-        right = np.clip(np.searchsorted(edges, times), 1, last)
-        return right - (times - edges[right - 1] < edges[right] - times)
-
-    chosen = np.unique(np.concatenate([[0, last], nearest(events)]))
-    for candidates in (nearest(coarse), nearest(extra), nearest(grid[~resting])):
-        chosen = _with_room(chosen, np.unique(candidates), edges, room_of(interval))
-    time = edges[chosen]
-    segment = np.floor((time[:-1] - time[0]) / SEGMENT_S).astype(np.int64)
-    segment = np.unique(segment, return_inverse=True)[1]
-    first = np.flatnonzero(np.diff(segment, prepend=-1))
-    bounds = np.append(time[first], time[-1])
-    return Nodes(chosen, time, segment, 0.5 * (bounds[1:] + bounds[:-1]))
+    @cached_property
+    def room(self) -> float:
+        """s that a grid node keeps from events and fixes."""
+        return room_of(self.interval)
 
 
-def next_node(
-    last: int, edge: Array, still: Array, aids: Array, start: float, interval: float
-) -> int | None:
+def next_node(last: int, by: Schedule) -> int | None:
     """Edge number of the node after edge `last`, or None while that is open.
 
-    Nodes stand where standstill begins or ends, at `aids` (sorted times of fixes), else at every
-    `interval` s since `start`, at rest every ten. `still` covers the increments that are judged,
-    `aids` reach further.
+    Nodes stand at events (standstill edges, state boundaries), near fixes, else on the grid; at
+    rest every ten seconds. A node that is no event gives way to one within `room` after it, where
+    that is known by then; a grid node gives way to a fix.
     """
-    ready, t = len(still), float(edge[last])
-    if last >= ready:
+    if last >= by.judged:
         return None
-    resting, half = still[last] > 0, 0.5 * float(edge[last + 1] - t)
-    if resting:
-        target = t + REST_INTERVAL_S
-    else:
-        room = room_of(interval)
-        target = start + np.floor((t - start + room) / interval + 1) * interval
-        k = int(np.searchsorted(aids, t + room))
-        if k < len(aids) and aids[k] < target + room:
-            target = float(aids[k])
-    # an edge may not be the last of the judged ones: a change of standstill is seen after it
-    found = max(int(np.searchsorted(edge[:ready], target - half)), last + 1)
-    changes = np.flatnonzero(np.diff(still[last : found + 1])) + last + 1
-    if len(changes):
-        return int(min(changes[0], found))
-    return found if found < ready else None
+    k = bisect_right(by.events, last)
+    event = by.events[k] if k < len(by.events) else None
+    target = _wanted(last, by) - 0.5 * (by.edge[last + 1] - by.edge[last])
+    found = max(bisect_left(by.edge, target, last + 1, by.judged), last + 1)
+    # an event is seen after its edge: what stands on the last of those judged is open
+    if event is not None and (found >= event or by.edge[event] - by.edge[found] < by.ahead - 1e-9):
+        return event
+    return found if found < by.judged else None
+
+
+def _wanted(last: int, by: Schedule) -> float:
+    """Time at which the node after edge `last` should stand where there are no events, s."""
+    t = by.edge[last]
+    if by.resting[last]:
+        return t + REST_INTERVAL_S
+    steps = floor((t - by.start + by.room) / by.interval + 1)
+    grid = by.start + steps * by.interval
+    k = bisect_left(by.aids, t + by.room)
+    return by.aids[k] if k < len(by.aids) and by.aids[k] < grid + by.room else grid
+
+
+def place_nodes(
+    edges: Array, events: Array, aids: Array, rests: Array, interval: float = INTERVAL_S
+) -> Nodes:
+    """All nodes of a run between its first and last of `edges` (M + 1,) s, by `next_node`.
+
+    `events` (E,) s; `aids` (F,) s, fixes; few inside `rests` (K, 2) s; else every `interval` s.
+    """
+    end = len(edges) - 1
+    right = np.clip(np.searchsorted(edges, events), 1, end)
+    nearest = right - (events - edges[right - 1] < edges[right] - events)
+    by = Schedule(
+        edge=edges.tolist(),
+        judged=len(edges),
+        events=np.union1d(nearest, end).tolist(),
+        aids=np.sort(aids).tolist(),
+        resting=_inside(0.5 * (edges[1:] + edges[:-1]), rests).tolist(),
+        start=float(edges[0]),
+        interval=interval,
+        ahead=room_of(interval),
+    )
+    chosen = [0]
+    while chosen[-1] < end and (found := next_node(chosen[-1], by)) is not None:
+        chosen.append(found)
+    time = edges[chosen]
+    middle, segment = np.unique(segment_middle(time[:-1], time[0]), return_inverse=True)
+    return Nodes(np.array(chosen), time, segment, middle)
+
+
+def segment_middle(time: Array, start: float) -> Array:
+    """Middle (n,) s of the calibration segments in force in the intervals that begin at `time`
+    (n,) s, the first segment at `start`.
+    """
+    return start + (np.floor((time - start + 1e-6) / SEGMENT_S) + 0.5) * SEGMENT_S
 
 
 def near_fixes(*times: Array) -> Array:
-    """Times of fixes that ask for nodes: of each sensor's (n,) s one in `FIX_SPACING_S`."""
-    some = [t[np.unique(np.floor(t / FIX_SPACING_S), return_index=True)[1]] for t in times]
-    return np.concatenate([np.zeros(0), *some])
+    """Times of fixes that ask for nodes, of several sensors' (n,) s each."""
+    return np.concatenate([np.zeros(0), *(t[first_in_slot(t)] for t in times)])
+
+
+def first_in_slot(time: Array, before: Array | None = None) -> NDArray[np.bool_]:
+    """Which of the fixes at `time` (n,) s in order ask for a node: the first in every slot of
+    `FIX_SPACING_S`; `before` (1,) s the last one that did, if there is one.
+    """
+    slot = np.floor(np.append(time[:0] if before is None else before, time) / FIX_SPACING_S)
+    return np.asarray(np.diff(slot, prepend=np.nan)[len(slot) - len(time) :] != 0)
 
 
 def room_of(interval: float) -> float:
@@ -114,22 +150,6 @@ def _inside(times: Array, rests: Array) -> NDArray[np.bool_]:
         return np.zeros(len(times), bool)
     at = np.clip(np.searchsorted(rests[:, 0], times, side="right") - 1, 0, None)
     return np.asarray((times > rests[at, 0]) & (times < rests[at, 1]))
-
-
-def _with_room(chosen: Index, candidates: Index, edges: Array, room: float) -> Index:
-    """Add the candidates that keep their distance from what is chosen and from each other."""
-    right = np.clip(np.searchsorted(chosen, candidates), 1, len(chosen) - 1)
-    gap = np.minimum(
-        np.abs(edges[candidates] - edges[chosen[right - 1]]),
-        np.abs(edges[chosen[right]] - edges[candidates]),
-    )
-    free = candidates[gap >= room - 1e-9]
-    if len(free) and np.min(np.diff(edges[free]), initial=np.inf) < room:
-        slot = np.floor((edges[free] - edges[0]) / room)
-        free = free[np.unique(slot, return_index=True)[1]]
-        # one a slot may still stand right behind that of the slot before
-        free = free[np.diff(edges[free], prepend=-np.inf) >= room / 2]
-    return np.unique(np.concatenate([chosen, free]))
 
 
 def nearest_node(nodes: Nodes, times: Array) -> tuple[Index, Array]:

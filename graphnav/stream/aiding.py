@@ -4,7 +4,7 @@ import numpy as np
 
 from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import Array, ExternalHeading, Gnss
-from graphnav.graph.nodes import FIX_SPACING_S
+from graphnav.graph.nodes import first_in_slot
 from graphnav.graph.problem import HEADING_REACH_S
 
 
@@ -21,12 +21,17 @@ class Aiding:
         """Times (n,) s, places (n, 3) deg, deg, m, one sigma (n, 3) m."""
         self._fixes.append(np.column_stack([time, place, sd]))
         if self._use_gnss:
-            _thin(self._stops[0], time)
+            self._ask(0, time)
 
     def add_headings(self, time: Array, heading: Array) -> None:
         """Times (n,) s and headings (n,) rad."""
         self._headings.append(np.column_stack([time, heading]))
-        _thin(self._stops[1], time)
+        self._ask(1, time)
+
+    def _ask(self, sensor: int, time: Array) -> None:
+        """Nodes at the first of a sensor's times (n,) in every slot."""
+        stops = self._stops[sensor]
+        stops.append(time[first_in_slot(time, stops.rows[-1:])])
 
     def rewind(self) -> None:
         """Headings may find their nodes once more."""
@@ -81,13 +86,6 @@ def joined(headings: list[ExternalHeading | None]) -> ExternalHeading | None:
         return None
     times = np.concatenate([h.time for h in sensed])
     return ExternalHeading(times, np.concatenate([h.heading for h in sensed]))
-
-
-def _thin(stops: GrowingArray, time: Array) -> None:
-    """Add the first of the times (n,) in every slot of `FIX_SPACING_S`."""
-    slot = np.floor(np.append(stops.rows[-1:], time) / FIX_SPACING_S)
-    fresh = np.diff(slot, prepend=np.nan)[len(slot) - len(time) :] != 0
-    stops.append(time[fresh])
 
 
 def usual_fix(sd: float) -> Gnss:

@@ -10,7 +10,7 @@ from factors.estimate import Estimate
 from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import ExternalHeading, Run
 from graphnav.graph.common_error import ASSUMED
-from graphnav.graph.nodes import SEGMENT_S, Nodes
+from graphnav.graph.nodes import Nodes, segment_middle
 from graphnav.graph.preparation import Prepared, Sensed, Setup, fixes_in
 from graphnav.graph.problem import Problem, build
 from graphnav.graph.satellite_fixes import NODE_SLACK_S, carried_with
@@ -34,7 +34,7 @@ class NodeLog:
         self.scales: dict[str, float] = dict(ASSUMED)  # noise found so far over noise assumed
         self._headings: list[ExternalHeading | None] = []  # of each node
         self._place(0)
-        self.segment_time.push(float(self.time.rows[0]) + 0.5 * SEGMENT_S)
+        self.segment_time.append(segment_middle(self.time.rows, float(self.time.rows[0])))
 
     @property
     def last(self) -> int:
@@ -44,11 +44,10 @@ class NodeLog:
     def extend(self, edge: int, state: str) -> bool:
         """A node at an edge; whether a new calibration segment begins with its interval."""
         start = float(self.time.rows[0])
-        number = (float(self.time.rows[-1]) - start + 1e-6) // SEGMENT_S
-        middle = start + (number + 0.5) * SEGMENT_S
-        new = bool(middle > self.segment_time.rows[-1] + 1e-6)
+        middle = segment_middle(self.time.rows[-1:], start)
+        new = bool(middle[0] > self.segment_time.rows[-1])
         if new:
-            self.segment_time.push(middle)
+            self.segment_time.append(middle)
         self.segment.push(len(self.segment_time) - 1)
         self.states.append(state)
         self._place(edge)

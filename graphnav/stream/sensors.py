@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass, field
 
+import numpy as np
+
+from graphnav.common.run import Array
+from graphnav.graph.nodes import Schedule
 from graphnav.stream.inertial_intake import Inertial
 from graphnav.stream.intake import Distance, Sides
 from graphnav.stream.standstill import CausalStandstill
@@ -15,3 +19,11 @@ class Sensors:
     inertial: Inertial = field(default_factory=Inertial)
     odometer: Distance = field(default_factory=Distance)
     sides: Sides = field(default_factory=Sides)
+
+    def schedule(self, last: int, aids: Array, interval: float) -> Schedule:
+        """What the nodes after edge `last` are placed by, with the `aids` (n,) s after it."""
+        edge, resting = self.inertial.edge.rows, self.standstill.resting.rows
+        events = np.flatnonzero(np.diff(resting[last:])) + last + 1
+        return Schedule(
+            edge, len(resting), events.tolist(), aids, resting, float(edge[0]), interval
+        )

@@ -230,14 +230,13 @@ class Smoother:
 
         A node in silence of the running gear stands alone: what its rest shows counts from then on.
         """
-        edge, graph, stands = self._heard.inertial.edge.rows, self.graph, self._heard.standstill
-        assert graph is not None
-        still, silent = stands.resting.rows, stands.silent.rows
-        places, start = list[int](), float(edge[0])
+        assert self.graph is not None
+        graph, silent = self.graph, self._heard.standstill.silent.rows
         last, count = int(graph.log.edge.rows[-1]), graph.last
+        aids = self._aiding.stops(float(self._heard.inertial.edge.rows[last]))
+        by, places = self._heard.schedule(last, aids, self._interval), list[int]()
         while not places or (count % graph.every and not silent[last - 1]):
-            aids = self._aiding.stops(float(edge[last]))
-            place = next_node(last, edge, still, aids, start, self._interval)
+            place = next_node(last, by)
             if place is None or (places and silent[place - 1]):
                 break
             places.append(place)
