@@ -147,7 +147,7 @@ def _solve_incremental(
     from graphnav.stream import replay
 
     replayed = replay.smooth_incremental(prep, options.lag, progress)
-    progress.beside(replayed.peak_memory_mb, since="dead reckoning")
+    progress.beside(replayed.peak_memory_mb)
     solved = finish(replayed.smoothed, run, options.rate_hz)
     return replace(
         solved,
@@ -197,11 +197,10 @@ def write(
 
 
 def _update_stages(directory: Path, progress: Stages) -> None:
-    """Seconds and memory by stage, once all of them have ended."""
+    """Seconds by stage and memory in all, once every stage has ended."""
     path = directory / "summary.json"
     said = json.loads(path.read_text(encoding="utf-8"))
     said["stages"] = {name: round(seconds, 3) for name, seconds in progress.seconds.items()}
-    said["stage_memory_mb"] = {name: round(mb, 1) for name, mb in progress.memory_mb.items()}
     said["peak_memory_mb"] = round(progress.peak_memory_mb, 1)
     write_json(path, said)
 

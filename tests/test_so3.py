@@ -1,7 +1,6 @@
 """Rotations against scipy and against their own group laws."""
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
@@ -87,15 +86,3 @@ def test_every_function_takes_batches() -> None:
     assert so3.log(R).shape == (4, 5, 3)
     assert so3.quaternion(R).shape == (4, 5, 4)
     np.testing.assert_allclose(so3.mtv(R, so3.mv(R, theta)), theta, atol=1e-14)
-
-
-@pytest.mark.parametrize("size", [1e-6, 1e-3, 0.01, 0.1, 0.5])
-def test_quick_compounding_is_that_of_the_matrices(size: float) -> None:
-    rng = np.random.default_rng(2)
-    a, b = size * rng.normal(size=(2, 500, 3))
-    v = rng.normal(size=(500, 3))
-    np.testing.assert_allclose(
-        so3.exp(so3.compound(a, b)), so3.exp(a) @ so3.exp(b), atol=1e-9, rtol=0
-    )
-    # 1 / 120 of the fifth power of 0.04 rad, vectors of up to 4
-    np.testing.assert_allclose(so3.rotated(a, v), so3.mv(so3.exp(a), v), atol=5e-9, rtol=0)

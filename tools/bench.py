@@ -97,7 +97,6 @@ def measured(name: str, cache: Path) -> Measured:
         "nodes": solver["nodes"],
         "peak_memory_mb": summary["peak_memory_mb"],
         "stages": {k: round(v, 3) for k, v in stages.items()},
-        "memory_mb": {k: round(v) for k, v in _merged(summary["stage_memory_mb"], max).items()},
         "latency": {k: solver[k] for k in keep if k in solver},
     }
 
@@ -182,7 +181,6 @@ def show(found: dict[str, Measured], base: dict[str, Measured]) -> None:
     rows: dict[str, Callable[[str, Measured], str]] = {
         "ms a node": lambda name, one: f"{1e3 * one['seconds'] / one['nodes']:.2f}",
         "peak memory, MB": lambda name, one: f"{one['peak_memory_mb']:.0f}",
-        "most of it in": lambda name, one: _hungriest(one["memory_mb"]),
         "unit, ms": lambda name, one: f"{1e3 * one['unit']:.1f}",
         "units": lambda name, one: f"{one['seconds'] / one['unit']:.0f}",
         "baseline units": lambda name, one: (
@@ -196,10 +194,6 @@ def show(found: dict[str, Measured], base: dict[str, Measured]) -> None:
     for label, cell in rows.items():
         table.add_row(label, *(cell(name, one) for name, one in found.items()))
     Console(width=30 + 14 * len(found)).print(table)
-
-
-def _hungriest(memory: dict[str, float]) -> str:
-    return max(memory, key=lambda stage: memory[stage], default="")
 
 
 def _pair(one: Measured, first: str, second: str) -> str:

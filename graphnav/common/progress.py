@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 
 Progress = Callable[[str], None]  # hears the name of each stage as it begins
 STATUS = Path("/proc/self/status")
-CLEAR_REFS = Path("/proc/self/clear_refs")
 
 
 def unheard(_: str) -> None:
@@ -20,7 +19,7 @@ def unheard(_: str) -> None:
 
 
 class Stages:
-    """Call it with the name of each stage as it begins; seconds and peak memory are kept by name.
+    """Call it with the name of each stage as it begins; its seconds are kept by name.
 
     On a terminal (stderr) the running stage is shown and finished ones stay with their seconds; in
     a pipe nothing is printed. A stage called twice adds up. Use as a context, or call `done`.
@@ -28,7 +27,7 @@ class Stages:
 
     def __init__(self, show: bool | None = None) -> None:
         self.seconds: dict[str, float] = {}
-        self.memory_mb: dict[str, float] = {}
+        self._beside_mb = 0.0
         self._name: str | None = None
         self._since = 0.0
         self._console: Console | None = None
@@ -41,22 +40,14 @@ class Stages:
     def __call__(self, name: str) -> None:
         """Stage `name` begins; the one before it, if any, has ended."""
         self._close()
-        _reset_peak()
         self._name, self._since = name, time.perf_counter()
         if self._console is not None:
             self._status = self._console.status(f"[bold]{name}")
             self._status.start()
 
-    def beside(self, mb: float, since: str | None = None) -> None:
-        """Another process worked beside the running stage, or all `since` one, and needed so much
-        memory at its peak.
-        """
-        if self._name is None:
-            return
-        self.memory_mb[self._name] = peak_memory_mb()
-        names = list(self.memory_mb)
-        for name in names[names.index(since or self._name) :]:
-            self.memory_mb[name] += mb
+    def beside(self, *mb: float) -> None:
+        """Other processes worked beside this one, all at a time, and needed so much memory each."""
+        self._beside_mb = max(self._beside_mb, sum(mb))
 
     def done(self) -> None:
         """The last stage has ended."""
@@ -65,8 +56,8 @@ class Stages:
 
     @property
     def peak_memory_mb(self) -> float:
-        """The most any stage so far needed."""
-        return max([*self.memory_mb.values(), peak_memory_mb()])
+        """The most that this process and those beside it needed so far, each at its own peak."""
+        return peak_memory_mb() + self._beside_mb
 
     def __enter__(self) -> Self:
         return self
@@ -82,14 +73,13 @@ class Stages:
             return
         took = time.perf_counter() - self._since
         self.seconds[self._name] = self.seconds.get(self._name, 0.0) + took
-        self.memory_mb[self._name] = max(self.memory_mb.get(self._name, 0.0), peak_memory_mb())
         if self._status is not None and self._console is not None:
             self._status.stop()
             self._console.print(f"[green]✓[/] {self._name:<32} [dim]{took:6.2f} s")
 
 
 def peak_memory_mb() -> float:
-    """Most resident memory since the stage began (Linux), else since the process did."""
+    """Most resident memory of this process so far (`getrusage` would count its parent's too)."""
     try:
         line = next(x for x in STATUS.read_text().splitlines() if x.startswith("VmHWM"))
         return float(line.split()[1]) / 1024
@@ -100,11 +90,3 @@ def peak_memory_mb() -> float:
             return 0.0
         unit = 1 if sys.platform == "darwin" else 1024
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit / 1024**2
-
-
-def _reset_peak() -> None:
-    """Let the kernel count the peak anew; where it cannot, peaks are those of the process."""
-    try:
-        CLEAR_REFS.write_text("5")
-    except OSError:
-        return

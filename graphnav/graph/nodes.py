@@ -123,7 +123,7 @@ def segment_middle(time: Array, start: float) -> Array:
     """Middle (n,) s of the calibration segments in force in the intervals that begin at `time`
     (n,) s, the first segment at `start`.
     """
-    return start + (np.floor((time - start + 1e-6) / SEGMENT_S) + 0.5) * SEGMENT_S
+    return start + (np.floor((time - start) / SEGMENT_S) + 0.5) * SEGMENT_S
 
 
 def near_fixes(*times: Array) -> Array:

@@ -19,7 +19,6 @@ import pyarrow.parquet as pa_parquet
 from numpy.typing import NDArray
 
 from graphnav.common.errors import InputError
-from graphnav.common.side_by_side import side_by_side
 from graphnav.reading import bounds, dirty_cells, dirty_text
 from graphnav.reading.cell_words import PLAIN_BLANKS
 from graphnav.reading.dialect import HEAD_BYTES, Dialect, check_columns, dialect_of
@@ -93,8 +92,8 @@ def read_table(
                               **dict.fromkeys(words, pa.string())})  # fmt: skip
     except UNREADABLE:
         return _read_dirty(file, names, words, clock)
-    columns = side_by_side(lambda name: np.asarray(table[name].to_numpy(), float), names)
-    if any(side_by_side(lambda column: bool(np.isinf(column).any()), columns)):
+    columns = [np.asarray(table[name].to_numpy(), float) for name in names]
+    if any(np.isinf(column).any() for column in columns):
         return _read_dirty(file, names, words, clock)
     notes = file.dialect.notes if file.dialect else ()
     return Table(file, dict(zip(names, columns, strict=True)), _texts(table, words), notes)

@@ -19,7 +19,7 @@ class CausalEstimate:
     p_n: Array  # (3,) m from `origin`
     covariance: Array  # (9, 9) of [theta (b), v (n), p (n)]
     origin: Origin
-    latency: float  # s, from the node being due to this estimate
+    latency: float  # s from being due to this estimate, the mean of nodes that entered together
 
     @property
     def heading_deg(self) -> float:
@@ -36,15 +36,3 @@ class CausalEstimate:
     def sd_enu(self) -> Array:
         """(3,) m"""
         return np.sqrt(np.diag(self.covariance)[6:9])
-
-
-def shares(spans: Array, sweep: float) -> list[float]:
-    """Seconds spent on each of the nodes that were linearised together, in the first one's span;
-    a sweep over the whole run after them is the last one's.
-    """
-    own = spans.copy()
-    if len(own) > 1:
-        own[0] = own[1:].mean()
-    own += (spans[0] - own[0]) / len(own)
-    own[-1] += sweep
-    return list(own.tolist())

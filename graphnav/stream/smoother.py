@@ -17,7 +17,7 @@ from graphnav.reading.counter import FASTEST
 from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.corrections import Correction
 from graphnav.stream.aiding import Aiding
-from graphnav.stream.causal_estimate import CausalEstimate, shares
+from graphnav.stream.causal_estimate import CausalEstimate
 from graphnav.stream.causal_states import CausalStates
 from graphnav.stream.incremental_graph import IncrementalGraph
 from graphnav.stream.initialisation import Initialisation
@@ -273,13 +273,12 @@ class Smoother:
         window = graph.window()
         self._states.follow(graph, window)
         growing = graph.grow(edges, self._states.now, window)
-        found, marks = [], [due]
+        found = list[tuple[CausalEstimate, list[CausalEstimate]]]()
         for node, t in zip(growing, times, strict=True):
             newest = self._known(node)
             found.append((newest, [newest] if self._lag is None else self._leaving(float(t))))
-            marks.append(perf_counter())
-        spent = shares(np.diff(marks), perf_counter() - marks[-1])
-        for (newest, told), latency, t in zip(found, spent, times, strict=True):
+        latency = (perf_counter() - due) / len(edges)  # they are linearised together
+        for (newest, told), t in zip(found, times, strict=True):
             if t >= self._aligned - 1.0:  # before, the vehicle did not know yet: made up for
                 self._newest = replace(newest, latency=latency)
                 self.history += [replace(k, latency=latency) for k in told]

@@ -32,7 +32,7 @@ class Views:
         for kind, maker in self._makers.items():
             progress(kind)
             maker.result()
-            progress.beside(maker.peak_memory_mb)
+        progress.beside(*(maker.peak_memory_mb for maker in self._makers.values()))
 
     def __enter__(self) -> Self:
         for kind in self._kinds:
