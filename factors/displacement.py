@@ -12,9 +12,10 @@ bend, `v_x = tau v_y psi_dot` outwards). The residual is
     r = R_i^T (p_j - p_i) + (R_i^T R_j - I) l - D,
 
 told in the vehicle frame at the middle of the interval so that its rows are lateral, forward and
-vertical. Divided by the interval it is the mean velocity of B4. A pulse counter is wrong by its
-phase q (less than a pulse) at every node, the same error for the interval before and the one after:
-q is a state of the node, so quantisation is bounded and anticorrelated as it is in truth.
+vertical, the forward one over `f (1 + s)`, in the odometer's own metres. Divided by the interval it
+is the mean velocity of B4. A pulse counter is wrong by its phase q (less than a pulse) at every
+node, the same error for the interval before and the one after: q is a state of the node, so
+quantisation is bounded and anticorrelated as it is in truth.
 """
 
 from dataclasses import dataclass
@@ -133,7 +134,6 @@ def displacement(reading: DisplacementReading, layout: Layout, scope: Scope, x: 
     r = so3.mv(to_m, moved + arm - lever - D.total)
     J_c = _calibration_columns(reading, layout, D, to_m, r)
     J_c[:, :, layout.slices[LEVER]] = to_m @ (R_ij - np.eye(3))
-    r[:, 1] += x.phase[scope.node + 1] - x.phase[scope.node]
 
     n = len(scope.node)
     J_i, J_j = np.zeros((n, 3, NODE_DIM)), np.zeros((n, 3, NODE_DIM))
@@ -141,9 +141,28 @@ def displacement(reading: DisplacementReading, layout: Layout, scope: Scope, x: 
     J_j[:, :, ROTATION] = -to_m @ R_ij @ so3.skew(lever)
     J_j[:, :, POSITION] = to_m @ so3.transpose(R_i)
     J_i[:, :, POSITION] = -J_j[:, :, POSITION]
+    in_odometer_units(reading.forward, layout, c, r, (J_i, J_j, J_c))
+    r[:, 1] += x.phase[scope.node + 1] - x.phase[scope.node]
     J_i[:, 1, PHASE], J_j[:, 1, PHASE] = -1.0, 1.0
     terms = between(scope, J_i, J_j, J_c)
     return whitened(kinds.DISPLACEMENT, AXES, scope.time, r, reading.sigma, terms)
+
+
+def in_odometer_units(
+    forward: Coefficient, layout: Layout, c: Array, r: Array, jacobians: tuple[Array, ...]
+) -> None:
+    """Divide the forward row by `f (1 + s)`, in place: its noise is the odometer's, so that a scale
+    does not gain by shrinking it (errors in variables, as in `IntervalNoise.scaled`).
+
+    Args: `c` (n, dim) in force, `r` (n, 3), `jacobians` (n, 3, .) of it, by calibrations the last.
+    """
+    f, scale = forward.value(c), 1 + c[:, layout.column(SCALE)]
+    for part in (r[:, :, None], *jacobians):
+        part[:, 1] /= (f * scale)[:, None]
+    by_gain = -r[:, 1, None] * E_Y
+    J_c = jacobians[-1]
+    J_c[:, 1, layout.column(SCALE)] += by_gain[:, 1] / scale
+    forward.add_to(J_c, by_gain / f[:, None])
 
 
 @dataclass(frozen=True)

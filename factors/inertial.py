@@ -29,7 +29,7 @@ from factors.block import (
 )
 from factors.calibration import Layout
 from factors.estimate import Estimate
-from factors.preintegration import Preintegrated
+from factors.preintegration import SCALES, Preintegrated
 
 AXES = ("theta_x", "theta_y", "theta_z", "v_x", "v_y", "v_z", "p_x", "p_y", "p_z")
 
@@ -80,10 +80,14 @@ def inertial(
     _attitude_rows(pre, m, J_i, J_j, J_e)
     _velocity_rows(pre, field, m, J_i, J_j, J_e)
     _position_rows(pre, field, m, J_i, J_j, J_e)
-    white = pre.whitening
+    # told in the sensors' own units: a corrected sample carries its noise less its scale error
+    scale = (errors - pre.errors)[:, SCALES]
+    white = pre.noise.scaled(scale)
+    J_e = white @ J_e
+    J_e[:, :, SCALES] += pre.noise.by_scale(so3.mv(pre.noise.whitening, residual))
     J_c = np.zeros((n, 9, layout.dim))
     columns, which = layout.imu_errors
-    J_c[:, :, columns] = (white @ J_e)[:, :, which]
+    J_c[:, :, columns] = J_e[:, :, which]
     return Block(
         kind=kinds.INERTIAL,
         axes=AXES,

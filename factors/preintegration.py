@@ -7,6 +7,7 @@ sums instead of recursions).
 """
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +19,7 @@ Index = NDArray[np.int64]
 
 # columns of the sensors' errors (n, 12): biases [rad/s, m/s^2] and scale factors [1]
 GYRO, ACCEL, GYRO_SCALE, ACCEL_SCALE = (slice(k, k + 3) for k in range(0, 12, 3))
+SCALES = slice(6, 12)
 THETA, V, P = slice(0, 3), slice(3, 6), slice(6, 9)  # rows of the covariance of an interval
 
 
@@ -46,6 +48,86 @@ class InertialNoise:
 
 
 @dataclass(frozen=True)
+class IntervalNoise:
+    """Noise of [theta, v, p] over n intervals, in the frame of node i.
+
+    With w a Wiener process of angle and F = -[f]x of the mean specific force f, theta = w(T),
+    v = F int w + white, p = F iint w + int white; the moments of w are exact.
+    """
+
+    T: Array  # (n,) s
+    F: Array  # (n, 3, 3) m/s^2, tilt to what is felt
+    gyro: Array  # (n, 3) squared density, rad^2/s
+    accel: Array  # (n, 3) squared density, m^2/s^3
+    jump: Array  # (n,) m, one sigma of the position left unknown
+
+    @cached_property
+    def whitening(self) -> Array:
+        """Inverse Cholesky factor of the covariance, (n, 9, 9)."""
+        cov = self._covariance(self.gyro, self.accel)
+        cov[:, P, P] += self.jump[:, None, None] ** 2 * np.eye(3)
+        return np.linalg.inv(np.linalg.cholesky(cov))  # only the lower triangle is read
+
+    def _covariance(self, gyro: Array, accel: Array) -> Array:
+        """Of the squared densities by axis (n, 3) each; lower triangle, (n, 9, 9)."""
+        T, Ft = self.T, so3.transpose(self.F)
+        FG = self.F * gyro[:, None, :]
+        FGF = FG @ Ft
+
+        def white(x: Array) -> Array:
+            return (x[:, None] * accel)[:, :, None] * np.eye(3)
+
+        def c(x: Array) -> Array:
+            return x[:, None, None]
+
+        cov = np.zeros((len(T), 9, 9))
+        cov[:, THETA, THETA] = (T[:, None] * gyro)[:, :, None] * np.eye(3)
+        cov[:, V, THETA] = c(T**2 / 2) * FG
+        cov[:, P, THETA] = c(T**3 / 6) * FG
+        cov[:, V, V] = c(T**3 / 3) * FGF + white(T)
+        cov[:, P, V] = c(T**4 / 8) * FGF + white(T**2 / 2)
+        cov[:, P, P] = c(T**5 / 20) * FGF + white(T**3 / 3)
+        return cov
+
+    def scaled(self, scale: Array) -> Array:
+        """Whitening where the noise of each axis is that of a sample taken `1 - scale` times,
+        (n, 9, 9); `scale` (n, 6) of gyro and accelerometer, to first order.
+
+        A sample less its scale error carries its noise as much less. Unless the residual is told in
+        the sensor's own units, every row gains by shrinking its noise: n rows draw a scale of prior
+        sd s by n s^2, whatever the truth (errors in variables; Fuller 1987).
+        """
+        gyro, accel = self.gyro * scale[:, :3], self.accel * scale[:, 3:]
+        low = np.tril(self._covariance(gyro, accel))
+        more = low + so3.transpose(np.tril(low, -1))
+        W = self.whitening
+        return np.asarray(W + W @ more @ so3.transpose(W) @ W)
+
+    def by_scale(self, whitened: Array) -> Array:
+        """Derivative of the whitened residual (n, 9) through `scaled` per scale, (n, 9, 6)."""
+        W = self.whitening
+        u = so3.mtv(W, whitened).reshape(-1, 3, 3)  # theta, v, p
+        T, Ft = self.T, so3.transpose(self.F)
+        moments = _moments(T)
+        acts = np.stack([u[:, 0], so3.mv(Ft, u[:, 1]), so3.mv(Ft, u[:, 2])], 1)
+        turned = (moments @ acts) * self.gyro[:, None, :]
+        pushed = (moments[:, :2, :2] @ u[:, 1:]) * self.accel[:, None, :]
+        out = np.zeros((len(T), 9, 6))
+        eye = np.eye(3)
+        for rows, by, k in ((THETA, eye, 0), (V, self.F, 1), (P, self.F, 2)):
+            out[:, rows, :3] = by * turned[:, k, None, :]
+        for rows, k in ((V, 0), (P, 1)):
+            out[:, rows, 3:] = eye * pushed[:, k, None, :]
+        return np.asarray(W @ out)
+
+
+def _moments(T: Array) -> Array:
+    """Covariances of a Wiener process after T with its first and second integral, (n, 3, 3)."""
+    powers = T[:, None, None] ** np.array([[1, 2, 3], [2, 3, 4], [3, 4, 5]])
+    return np.asarray(powers / np.array([[1, 2, 6], [2, 3, 8], [6, 8, 20]]))
+
+
+@dataclass(frozen=True)
 class Preintegrated:
     """Motion between consecutive nodes i, j in the body frame of node i (n intervals)."""
 
@@ -56,7 +138,7 @@ class Preintegrated:
     dR_de: Array  # (n, 3, 12) right perturbation of dR per error of the sensors
     dv_de: Array  # (n, 3, 12)
     dp_de: Array
-    whitening: Array  # (n, 9, 9) inverse Cholesky factor of the covariance of [theta, v, p]
+    noise: "IntervalNoise"
     C: Array  # (M + 1, 3, 3) rotation since its node at every edge; the first of each interval is I
     errors: Array  # (n, 12) of the sensors, that it was integrated with
 
@@ -126,8 +208,11 @@ def preintegrate(
         dR_de=-so3.transpose(dR) @ by_error[0],
         dv_de=by_error[1],
         dp_de=by_error[2],
-        whitening=_whitening(
-            T, dv / T[:, None], np.sqrt(total(inc.jump**2)), _densities(inc, nodes, noise)
+        noise=IntervalNoise(
+            T,
+            -so3.skew(dv / T[:, None]),
+            *_densities(inc, nodes, noise),
+            jump=np.sqrt(total(inc.jump**2)),
         ),
         C=np.concatenate([C, dR[-1:]]),
         errors=errors,
@@ -189,31 +274,6 @@ def _densities(inc: Increments, nodes: Index, noise: InertialNoise) -> tuple[Arr
     (n, 3) each.
     """
     lost = doubt_of(inc, nodes) ** 2 / np.diff(inc.edge[nodes])[:, None]
-    return np.square(noise.gyro) + lost[:, :1], np.square(noise.accel) + lost[:, 1:]
-
-
-def _whitening(T: Array, f: Array, jump: Array, density: tuple[Array, Array]) -> Array:
-    """Inverse Cholesky factor of the covariance of [theta, v, p] after T, in the frame of node i.
-
-    `density` (n, 3) each: squared noise of gyro and accelerometer. With w a Wiener process of angle
-    and f the mean specific force, theta = w(T), v = -[f]x int w + white, p = -[f]x iint w +
-    int white; the moments of w are exact.
-    """
-    n = len(T)
-    F = -so3.skew(f)
-    Ft = so3.transpose(F)
-
-    def c(x: Array) -> Array:
-        return x[:, None, None]
-
-    gyro, accel = (np.broadcast_to(x, (n, 3))[:, :, None] * np.eye(3) for x in density)
-    FG = F @ gyro
-    FGF = FG @ Ft
-    cov = np.empty((n, 9, 9))
-    cov[:, THETA, THETA] = c(T) * gyro
-    cov[:, V, THETA] = c(T**2 / 2) * FG
-    cov[:, P, THETA] = c(T**3 / 6) * FG
-    cov[:, V, V] = c(T**3 / 3) * FGF + c(T) * accel
-    cov[:, P, V] = c(T**4 / 8) * FGF + c(T**2 / 2) * accel
-    cov[:, P, P] = c(T**5 / 20) * FGF + c(T**3 / 3) * accel + c(jump**2) * np.eye(3)
-    return np.linalg.inv(np.linalg.cholesky(cov))  # only the lower triangle is read
+    n = len(lost)
+    gyro, accel = (np.broadcast_to(x, (n, 3)) for x in (noise.gyro, noise.accel))
+    return gyro**2 + lost[:, :1], accel**2 + lost[:, 1:]

@@ -3,6 +3,7 @@
     r = v_m - [tau v_y psi_dot - kappa L psi_dot, f (1 + s) v_o - h |psi_dot| sign v_o, 0],
     v_m = R_mb (R_nb^T v_n + w x l)
 
+(the forward row over `f (1 + s)`, in the odometer's own m/s)
 with `w` the body's rate relative to the Earth at the node, `psi_dot` its third component and `v_o`
 what the odometer shows at the node's time with the delay in force (A5, A17, A20, A23, A24, B3, D1).
 It is the derivative of `factors.displacement`, for odometers too sparse to be summed. Without an
@@ -17,7 +18,7 @@ import numpy as np
 from factors import kinds, so3
 from factors.block import NODE_DIM, ROTATION, VELOCITY, Array, Block, Scope, Term, whitened
 from factors.calibration import CORNERING, DELAY, LEVER, MOUNTING, SCALE, Layout
-from factors.displacement import AXES, E_X, E_Y, Coefficient, mounting
+from factors.displacement import AXES, E_X, E_Y, Coefficient, in_odometer_units, mounting
 from factors.estimate import Estimate
 
 
@@ -56,8 +57,10 @@ def velocity(reading: VelocityReading, layout: Layout, scope: Scope, x: Estimate
         slip = (c[:, cornering] * yaw_rate)[:, None]
         for J in (J_x[:, :, ROTATION], J_x[:, :, VELOCITY], J_c[:, :, angles], J_c[:, :, arm]):
             J[:, 0] -= slip * J[:, 1]
+    r = v_m - told
+    in_odometer_units(reading.forward, layout, c, r, (J_x, J_c))
     terms = (Term("x", scope.node, J_x), Term("c", scope.segment, J_c))
-    return whitened(kinds.VELOCITY, AXES, scope.time, v_m - told, reading.sigma, terms)
+    return whitened(kinds.VELOCITY, AXES, scope.time, r, reading.sigma, terms)
 
 
 def _told(reading: VelocityReading, layout: Layout, c: Array, v_m: Array) -> tuple[Array, Array]:

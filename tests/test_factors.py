@@ -116,7 +116,7 @@ def test_inertial_is_zero_on_its_own_prediction() -> None:
     x = Estimate(np.array(R), np.array(v), np.array(p), np.zeros(4), c)
     pre0 = Preintegrated(**{**pre.__dict__, "errors": np.zeros((3, 12))})
     block = inertial_of(pre0, EarthField(OMEGA, np.tile(g, (3, 1)), np.zeros((3, 3))), x)
-    raw = np.linalg.solve(pre.whitening, block.residual[:, :, None])[:, :, 0]
+    raw = np.linalg.solve(pre.noise.whitening, block.residual[:, :, None])[:, :, 0]
     assert np.abs(raw).max() < 1e-8
 
 
