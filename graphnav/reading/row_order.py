@@ -120,7 +120,7 @@ def _merged(now: Ordered) -> Ordered:
     clock = now.columns["time"]
     if (np.diff(clock) < 0).any():
         return now
-    starts = np.flatnonzero(np.diff(clock, prepend=clock[0] - 1) > 0)
+    starts = np.flatnonzero(np.append(True, np.diff(clock) > 0))
     merged: dict[str, Array] = {}
     contradict = np.zeros(len(starts), bool)
     for name, column in now.columns.items():

@@ -83,15 +83,20 @@ def read_samples(file: TableFile, vehicle: Vehicle) -> Samples:
         raise missing_column(file, "time", "every run needs its clock [s]")
     table = read_table(file, list(dict.fromkeys(names.values())), clock=names["time"])
     scaled = {c: _scaled(table.columns[n], _factor(vehicle, c)) for c, n in names.items()}
-    rows = len(scaled["time"])
-    if rows < 2:
-        raise InputError(f"{file.path}: {rows or 'no'} rows under the header; nothing to smooth")
+    _check_rows(file, len(scaled["time"]), "under the header")
     ordered = in_order(table.file, scaled)
+    _check_rows(file, len(ordered.rows), "of different times")
     degrees, told = in_degrees(str(file.path), ordered.columns, vehicle)
     possible, notes = without_impossible(ordered.file, degrees)
     ignored = tuple(name for name in file.header if name not in names.values())
     notes = [*table.notes, *ordered.notes, *([told] if told else []), *notes]
     return Samples(ordered.file, _rates(possible, vehicle), ignored, tuple(notes))
+
+
+def _check_rows(file: TableFile, count: int, which: str) -> None:
+    """InputError where there are too few rows to smooth; `which` says of what kind."""
+    if count < 2:
+        raise InputError(f"{file.path}: {count or 'no'} rows {which}; nothing to smooth")
 
 
 def _rates(read: dict[str, Array], vehicle: Vehicle) -> dict[str, Array]:
