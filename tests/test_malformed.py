@@ -196,8 +196,24 @@ def test_lines_of_another_length(tmp_path: Path) -> None:
 def test_a_truncated_archive(tmp_path: Path) -> None:
     path = saved(driven(), tmp_path)
     archive = tmp_path / "run.csv.gz"
-    archive.write_bytes(gzip.compress(path.read_bytes())[:-2000])
-    assert "cannot be read" in complaint(archive)
+    whole = gzip.compress(path.read_bytes())
+    archive.write_bytes(whole[:-2000])
+    run = read(archive)
+    assert any("the archive is cut off" in note for note in run.notes)
+    clean = read(path).imu
+    assert run.imu is not None and clean is not None
+    np.testing.assert_array_equal(run.imu.gyro, clean.gyro[: len(run.imu.gyro)])
+    assert len(run.imu.time) > 0.9 * len(clean.time)
+    archive.write_bytes(whole + bytes(1000))  # as copied from a device of blocks
+    assert read(archive).notes == read(path).notes
+    archive.write_bytes(whole + whole)
+    assert "the recording seems to begin anew" in complaint(archive)
+    damaged = bytearray(whole)
+    damaged[-6] ^= 1
+    archive.write_bytes(damaged)
+    assert "the archive is damaged, seen after" in complaint(archive)
+    archive.write_bytes(path.read_bytes())
+    assert "is no gzip archive" in complaint(archive)
 
 
 def test_no_file(tmp_path: Path) -> None:

@@ -123,7 +123,7 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_read(
     with pytest.raises(InputError, match=r"would take .* GB of memory"):
         read_run(packed, load_vehicle(None, packed))
     monkeypatch.setattr(bounds, "free_memory", lambda: 60_000_000)
-    monkeypatch.setattr(bounds, "_unfolded", lambda path: 0)  # a tail that lies
+    monkeypatch.setattr(bounds, "_claimed", lambda path: 0)  # a tail that lies
     with pytest.raises(InputError, match="what it unfolds to"):
         read_run(packed, load_vehicle(None, packed))
     recorded = read_run_of(run, monkeypatch)

@@ -1,6 +1,7 @@
 """What a file may ask of this machine, told before it is taken: size, columns, span, memory."""
 
 import io
+import os
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,12 +13,14 @@ import pyarrow as pa
 from graphnav.common.errors import InputError
 from graphnav.common.memory import free_memory
 from graphnav.common.run import Run
+from graphnav.reading.archive import Unfolding, is_archive
 
 SHARE = 0.8  # of the free memory that a run may take
 PER_CELL = 24  # bytes of a number while it is read: pyarrow's, numpy's and the scaled one
 PER_ROW = 400  # bytes of an inertial sample on its way: increments, screening, reckoning
 MOST_KNOWN = 64  # columns graphnav can use, at most
 READ_AT_ONCE = 4 << 20
+LOOKED_AT = 64 << 20  # bytes unfolded to see how an archive that claims too much goes on
 # bytes of a solution, measured by tools/bench.py: a node with its factors and covariances (batch,
 # incremental), a second of the dense path, a row of the trajectory in its three forms
 PER_NODE = {"batch": 47_000, "incremental": 90_000}
@@ -52,34 +55,70 @@ def check_solution(run: Run, mode: str, nodes_hz: float, rate_hz: float) -> None
 
 def check_text_size(path: Path, head: bytes, columns: int) -> None:
     """InputError when the file cannot be held; its rows are reckoned from its first ones."""
-    size = max(path.stat().st_size, _unfolded(path))
-    rows = int(size * (head.count(b"\n") + 1) / max(len(head), 1))
-    check_need(path, need(size, rows, columns), f"its {size / 1e6:.0f} MB of text")
+    density = (head.count(b"\n") + 1) / max(len(head), 1)
+
+    def needed(size: int) -> int:
+        return need(size, int(size * density), columns)
+
+    size = path.stat().st_size
+    if is_archive(path):
+        size = max(size, _claimed(path))
+        if needed(size) > SHARE * free_memory():  # the claim of an archive that is cut off is noise
+            size = _likely(path)
+    check_need(path, needed(size), f"its {size / 1e6:.0f} MB of text")
 
 
-def _unfolded(path: Path) -> int:
-    """Bytes that an archive says it unfolds to (the last four of a gzip file, modulo 4 GB)."""
-    if path.suffix.lower() != ".gz":
-        return 0
+def _claimed(path: Path) -> int:
+    """Bytes that an archive says it unfolds to (its last four, modulo 4 GB)."""
     with path.open("rb") as file:
         file.seek(max(0, path.stat().st_size - 4))
         tail = file.read(4)
     return int(struct.unpack("<I", tail)[0]) if len(tail) == 4 else 0
 
 
+def _likely(path: Path) -> int:
+    """Bytes that an archive unfolds to, if it goes on as it does after `LOOKED_AT` bytes."""
+    seen, at = 0, [(0, 0.0)]
+    with Unfolding(path) as stream:
+        while seen < LOOKED_AT and (data := stream.read(READ_AT_ONCE)):
+            seen += len(data)
+            at.append((seen, stream.share))
+        else:
+            if seen < LOOKED_AT:
+                return seen
+    half = at[len(at) // 2]
+    rate = (seen - half[0]) / max(at[-1][1] - half[1], 1e-9)
+    return int(seen + rate * (1 - at[-1][1]))
+
+
 @contextmanager
-def counted(path: Path, compression: str | None, columns: int) -> Iterator[Any]:
-    """The file as a stream of bytes; what an archive unfolds to is held against free memory."""
-    with pa.input_stream(str(path), compression=compression) as stream:
-        yield stream if compression is None else _Counted(stream, path, columns)
+def opened(path: Path, columns: int) -> Iterator[Any]:
+    """The text as a stream of bytes; what an archive unfolds to is held against free memory."""
+    if is_archive(path):
+        with Unfolding(path) as archive, _Counted(archive, path, columns) as stream:
+            yield stream
+    else:
+        with pa.OSFile(os.fsencode(path)) as stream:
+            yield stream
+
+
+def note_of(stream: Any) -> tuple[str, ...]:
+    """What is to be told of a stream from `opened` that was read to its end."""
+    return (f"{stream.path.name}: {stream.note}",) if getattr(stream, "note", "") else ()
 
 
 class _Counted(io.RawIOBase):
     """An unfolding archive; InputError once it is more than fits."""
 
-    def __init__(self, stream: Any, path: Path, columns: int) -> None:
-        self._stream, self._path, self._columns = stream, path, columns
+    def __init__(self, archive: Unfolding, path: Path, columns: int) -> None:
+        self.path = path
+        self._archive, self._columns = archive, columns
         self._size = self._rows = self._told = 0
+
+    @property
+    def note(self) -> str:
+        """How the archive ended, where it did not end well."""
+        return self._archive.note
 
     def readable(self) -> bool:
         """It is."""
@@ -87,16 +126,16 @@ class _Counted(io.RawIOBase):
 
     def read(self, size: int = -1) -> bytes:
         """As a file's."""
-        data: bytes = self._stream.read(None if size < 0 else size)
+        data = self._archive.read(size)
         self._size += len(data)
         self._rows += data.count(b"\n")
         if self._size - self._told > READ_AT_ONCE:
             self._told = self._size
             needed = need(self._size, self._rows, self._columns)
-            check_need(self._path, needed, f"what it unfolds to ({self._size / 1e6:.0f} MB so far)")
+            check_need(self.path, needed, f"what it unfolds to ({self._size / 1e6:.0f} MB so far)")
         return data
 
-    def readinto(self, buffer: Any) -> int:
+    def readinto(self, buffer: memoryview) -> int:  # type: ignore[override]
         """As a file's."""
         data = self.read(len(buffer))
         buffer[: len(data)] = data

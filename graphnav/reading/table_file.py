@@ -4,9 +4,7 @@ A blank cell is NaN. Nothing here knows what a column means. Plain files go thro
 where its reader gives up, `dirty_text` takes the lines apart and says what it did.
 """
 
-import gzip
 import io
-import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -20,12 +18,13 @@ from numpy.typing import NDArray
 
 from graphnav.common.errors import InputError
 from graphnav.reading import bounds, dirty_cells, dirty_text
+from graphnav.reading.archive import Unfolding, is_archive
 from graphnav.reading.cell_words import PLAIN_BLANKS
 from graphnav.reading.dialect import HEAD_BYTES, Dialect, check_columns, dialect_of
 
 Array = NDArray[np.float64]
 pa.set_memory_pool(pa.system_memory_pool())  # others keep what they free from numpy's arrays
-UNREADABLE = (OSError, UnicodeError, EOFError, zlib.error, pa.ArrowException)
+UNREADABLE = (OSError, UnicodeError, pa.ArrowException)
 
 
 @dataclass(frozen=True)
@@ -76,7 +75,8 @@ def open_table(path: Path) -> TableFile:
         bounds.check_text_size(path, head, len(dialect.names))
     except UNREADABLE as error:
         text = " ".join(str(error).split())
-        raise InputError(f"{path}: cannot be read as {_kind(path)}: {text}") from None
+        cut = "; copy it anew: without its end it cannot be read" if is_parquet(path) else ""
+        raise InputError(f"{path}: cannot be read as {_kind(path)}: {text}{cut}") from None
     return TableFile(path, tuple(name for name in dialect.names if name), dialect)
 
 
@@ -88,14 +88,14 @@ def read_table(
     Raises InputError where more than a few lines are no table or hold something else.
     """
     try:
-        table = _cells(file, {**dict.fromkeys(names, pa.float64()),
-                              **dict.fromkeys(words, pa.string())})  # fmt: skip
+        table, told = _cells(file, {**dict.fromkeys(names, pa.float64()),
+                                    **dict.fromkeys(words, pa.string())})  # fmt: skip
     except UNREADABLE:
         return _read_dirty(file, names, words, clock)
     columns = [np.asarray(table[name].to_numpy(), float) for name in names]
     if any(np.isinf(column).any() for column in columns):
         return _read_dirty(file, names, words, clock)
-    notes = file.dialect.notes if file.dialect else ()
+    notes = (*(file.dialect.notes if file.dialect else ()), *told)
     return Table(file, dict(zip(names, columns, strict=True)), _texts(table, words), notes)
 
 
@@ -108,16 +108,16 @@ def _texts(table: pa.Table, words: Sequence[str]) -> dict[str, list[str]]:
     return {name: [word or "" for word in table[name].to_pylist()] for name in words}
 
 
-def _cells(file: TableFile, kinds: dict[str, Any]) -> pa.Table:
-    """Columns cast to their kinds, by pyarrow's own reader."""
+def _cells(file: TableFile, kinds: dict[str, Any]) -> tuple[pa.Table, tuple[str, ...]]:
+    """Columns cast to their kinds, by pyarrow's own reader; and what to say of it."""
     dialect = file.dialect
     if dialect is None:
         table = pa_parquet.read_table(file.path, columns=list(kinds))
-        return table.cast(pa.schema([(name, kinds[name]) for name in table.column_names]))
+        return table.cast(pa.schema([(name, kinds[name]) for name in table.column_names])), ()
     if dialect.separator == " ":
         raise pa.ArrowInvalid("runs of blanks")
-    with bounds.counted(file.path, _compression(file.path), len(dialect.names)) as stream:
-        return pa_csv.read_csv(
+    with bounds.opened(file.path, len(dialect.names)) as stream:
+        table = pa_csv.read_csv(
             stream,
             pa_csv.ReadOptions(
                 column_names=_unique(dialect), skip_rows=dialect.skip, encoding=dialect.encoding
@@ -131,6 +131,7 @@ def _cells(file: TableFile, kinds: dict[str, Any]) -> pa.Table:
                 decimal_point=dialect.decimal,
             ),
         )
+        return table, bounds.note_of(stream)
 
 
 def _unique(dialect: Dialect) -> list[str]:
@@ -171,9 +172,10 @@ def _text_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
     """Columns of a text as text, line by line."""
     dialect = file.dialect
     assert dialect is not None
-    with bounds.counted(file.path, _compression(file.path), len(dialect.names)) as stream:
+    with bounds.opened(file.path, len(dialect.names)) as stream:
         text = io.TextIOWrapper(io.BufferedReader(stream, 1 << 20), dialect.encoding, "replace")
         lines = dirty_text.lines_of(text, dialect, str(file.path))
+        told = bounds.note_of(stream)
     wanted = [dialect.names.index(name) for name in names]
     columns = dirty_text.columns_of(lines, len(dialect.names), wanted)
     return dirty_cells.Cells(
@@ -181,16 +183,12 @@ def _text_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
         np.array(lines.number, np.intp),
         dialect.decimal,
         tuple(lines.damaged),
-        lines.notes(),
+        (*lines.notes(), *told),
     )
 
 
 def _plain(words: pa.Array) -> list[str]:
     return ["" if word is None or word in PLAIN_BLANKS else word for word in words.to_pylist()]
-
-
-def _compression(path: Path) -> str | None:
-    return "gzip" if path.suffix.lower() == ".gz" else None
 
 
 def _kind(path: Path) -> str:
@@ -207,5 +205,5 @@ def _parquet_header(path: Path) -> tuple[str, ...]:
 
 
 def _head(path: Path) -> bytes:
-    with gzip.open(path) if _compression(path) else path.open("rb") as file:
+    with Unfolding(path) if is_archive(path) else path.open("rb") as file:
         return file.read(HEAD_BYTES)
