@@ -12,6 +12,7 @@ from graphnav.inertial.measured import measured
 from graphnav.reading.bounds import check_solution
 from graphnav.reading.check import check
 from graphnav.reading.outages import Outages, described, in_use
+from graphnav.reading.plain_file import check_file
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle import Vehicle
 from graphnav.reading.vehicle_file import load_vehicle
@@ -68,8 +69,9 @@ def smooth(
     progress = progress or Stages(show=False)
     progress("reading")
     vehicle = load_vehicle(options.vehicle_path, run_path)
-    run = measured(read_run(run_path, vehicle))
-    check_solution(run, options.mode, options.nodes_hz, options.rate_hz)
+    read = read_run(run_path, vehicle)
+    check_solution(read, options.mode, options.nodes_hz, options.rate_hz)
+    run = measured(read)
     reference, of_truth = _truth(options.truth)
     findings = check(run, vehicle, options.use_gnss) + described(run, options.outages) + of_truth
     with Views(options.views) as views:
@@ -211,8 +213,7 @@ def _truth(path: Path | None) -> tuple["DataFrame | None", list[str]]:
         return None, []
     from graphnav.reading.truth import read_truth
 
-    if not path.is_file():
-        raise InputError(f"{path}: no such truth file; give one with --truth, or leave it out")
+    check_file(path, "truth file", "give one with --truth, or leave it out")
     try:
         truth = read_truth(path)
     except InputError as error:

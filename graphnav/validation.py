@@ -9,6 +9,7 @@ from graphnav.common.progress import Stages
 from graphnav.common.run import Run
 from graphnav.inertial.measured import measured
 from graphnav.pipeline import SmoothOptions, solve
+from graphnav.reading.bounds import check_solution
 from graphnav.reading.check import check
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle import Vehicle
@@ -38,7 +39,9 @@ def validate(
     progress = progress or Stages(show=False)
     progress("reading")
     vehicle = load_vehicle(vehicle_path, run_path)
-    run = measured(read_run(run_path, vehicle))
+    read = read_run(run_path, vehicle)
+    check_solution(read)
+    run = measured(read)
     check(run, vehicle)
     if run.gnss is None or not vehicle.gnss.use or len(run.gnss.time) < LEAST_FIXES:
         raise InputError(f"{run_path}: needs at least {LEAST_FIXES} fixes in use to withhold some")

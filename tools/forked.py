@@ -115,7 +115,7 @@ def _quiet(error: int) -> None:
     os.dup2(nothing, 1)
     os.dup2(error, 2)
     sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
-    sys.stderr = open(2, "w", closefd=False)  # noqa: SIM115
+    sys.stderr = open(2, "w", closefd=False, errors="backslashreplace")  # noqa: SIM115
 
 
 def _limit(memory_mb: float) -> None:

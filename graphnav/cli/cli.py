@@ -8,11 +8,11 @@ from typing import Any
 import click
 
 from graphnav import __version__
-from graphnav.cli.command import Finite, Numbers, OneLine, report_failures
+from graphnav.cli.command import Finite, Numbers, OneLine, Place, report_failures
 from graphnav.cli.simulate import simulate
 
 FORMATS = ("kml", "geojson", "gpx", "tum", "csv", "sbet", "nmea")
-PATH = click.Path(path_type=Path)
+PATH = Place()
 result = click.argument("directory", type=PATH, metavar="RESULT")
 vehicle_file = click.option(
     "--vehicle", type=PATH, help="Vehicle file.  [default: vehicle.toml beside RUN]"
@@ -78,7 +78,7 @@ def cli() -> None:
 )
 @click.option(
     "--lag",
-    type=Finite(min=0, min_open=True),
+    type=Finite(0, 1e6, min_open=True),
     metavar="S",
     help="Incremental: seconds kept open behind the newest node.",
 )
@@ -144,12 +144,15 @@ def smooth(
 def check(run: Path, vehicle: Path | None, gnss: bool) -> None:
     """Read RUN and its vehicle file and say what is noteworthy, without smoothing."""
     from graphnav.inertial.measured import measured
+    from graphnav.reading.bounds import check_solution
     from graphnav.reading.check import check as findings_of
     from graphnav.reading.read import read_run
     from graphnav.reading.vehicle_file import load_vehicle
 
     described = load_vehicle(vehicle, run)
-    recorded = measured(read_run(run, described))
+    read = read_run(run, described)
+    check_solution(read)
+    recorded = measured(read)
     findings = findings_of(recorded, described, gnss)
     for finding in findings:
         click.echo(f"- {finding}")

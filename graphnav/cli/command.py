@@ -7,6 +7,7 @@ import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -66,6 +67,22 @@ class Numbers(click.ParamType[tuple[float, ...]]):
         if self.mark == ":" and not numbers[0] < numbers[1]:
             self.fail(f"'{value}': START must come before END", param, ctx)
         return numbers
+
+
+class Place(click.Path):
+    """A path that says something, in characters other programs can write down."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path; a usage error where it is empty or its bytes are no UTF-8."""
+        text = os.fspath(value)
+        if not text:
+            self.fail("a path is needed, not ''", param, ctx)
+        if any("\ud800" <= character <= "\udfff" for character in text):
+            self.fail(f"{text!a} is not UTF-8; rename the file or directory", param, ctx)
+        return super().convert(value, param, ctx)
 
 
 class Finite(click.FloatRange):

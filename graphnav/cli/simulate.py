@@ -5,9 +5,9 @@ from typing import Any
 
 import click
 
-from graphnav.cli.command import Finite
+from graphnav.cli.command import Finite, Place
 
-PATH = click.Path(path_type=Path)
+PATH = Place()
 
 
 @click.command(short_help="A run with known truth, to try things on.")

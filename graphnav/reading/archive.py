@@ -102,7 +102,9 @@ class Unfolding(io.RawIOBase):
         else:
             self._begun += data
         if len(self._begun) > 4 * HEAD_BYTES:  # of four bytes a character
-            raise InputError(f"{self._path}: a line is longer than {HEAD_BYTES // 1024} kB: no table")
+            raise InputError(
+                f"{self._path}: a line is longer than {HEAD_BYTES // 1024} kB: no table"
+            )
 
     def _end(self, note: str) -> None:
         self.note, self._done = note, True

@@ -8,11 +8,12 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pyarrow as pa
 
 from graphnav.common.errors import InputError
 from graphnav.common.memory import free_memory
-from graphnav.common.run import Run
+from graphnav.common.run import Imu, Run
 from graphnav.reading.archive import Unfolding, is_archive
 
 SHARE = 0.8  # of the free memory that a run may take
@@ -32,25 +33,34 @@ def need(size: int, rows: int, columns: int) -> int:
     return int(1.2 * size) + rows * (min(columns, MOST_KNOWN) * PER_CELL + PER_ROW)
 
 
-def check_need(path: Path, needed: float, what: str) -> None:
+def check_need(
+    path: Path, needed: float, what: str, cure: str = "cut the file in parts, or thin its rows"
+) -> None:
     """InputError when `what` asks for more memory than is free."""
     free = free_memory()
     if needed > SHARE * free:
         raise InputError(
             f"{path}: {what} would take {needed / 1e9:.3g} GB of memory, {free / 1e9:.3g} GB are "
-            "free; cut the file in parts, or thin its rows"
+            f"free; {cure}"
         )
 
 
-def check_solution(run: Run, mode: str, nodes_hz: float, rate_hz: float) -> None:
+def check_solution(
+    run: Run, mode: str = "batch", nodes_hz: float = 1.0, rate_hz: float = 10.0
+) -> None:
     """InputError when the solution of a run will not fit into memory."""
-    samples = 0 if run.imu is None else len(run.imu.time)
+    samples = 0.0 if run.imu is None else _bridged(run.imu)
     fixes = 0 if run.gnss is None else len(run.gnss.time)
     nodes = run.end * nodes_hz + fixes
     per_second = PER_SECOND + rate_hz * PER_WRITTEN
     needed = samples * PER_ROW + nodes * PER_NODE[mode] + run.end * per_second
     what = f"solving {run.end:.0f} s with {nodes_hz:g} nodes and {rate_hz:g} rows a second"
-    check_need(run.path, needed, what)
+    check_need(run.path, needed, what, "smooth it in parts, or lower --nodes or --rate")
+
+
+def _bridged(imu: Imu) -> float:
+    """Samples there will be once those lost are bridged."""
+    return max(len(imu.time), float(np.ptp(imu.time) / np.median(imu.dt)))
 
 
 def check_text_size(path: Path, head: bytes, columns: int) -> None:

@@ -13,7 +13,6 @@ from graphnav.reading.vehicle import Vehicle
 Array = NDArray[np.float64]
 SLOW_IMU_HZ = 40.0
 SHORT_S, TOO_SHORT_S = 30.0, 2.0
-SLOWEST_S = 1.5  # between inertial samples: slower is another unit, nothing to integrate
 SILENT_S = 3.0  # an odometer quiet for longer is told
 
 
@@ -42,11 +41,6 @@ def check(run: Run, vehicle: Vehicle, use_gnss: bool = True) -> list[str]:
 def _fatal(run: Run, vehicle: Vehicle, use_gnss: bool) -> None:
     if run.end < TOO_SHORT_S:
         raise InputError(f"{run.path}: {run.end:.3g} s long; nothing to smooth under 2 s")
-    if run.imu is not None and (step := float(np.median(run.imu.dt))) > SLOWEST_S:
-        raise InputError(
-            f"{run.path}: the IMU comes every {step:g} s: is its clock in ms, us or ns? "
-            'set [columns] time = { unit = "ms" } in the vehicle file'
-        )
     if vehicle.kind == "rover" and run.imu is None and run.rover is None:
         raise InputError(
             f"{run.path}: neither gyros nor wheels: a rover needs gyro_x.. and accel_x.., or "

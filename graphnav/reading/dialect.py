@@ -66,6 +66,8 @@ def dialect_of(path: Path, head: bytes) -> Dialect:
     separator = _separator(lines[at])
     plain = Dialect(encoding, separator, ".", at + 1, ())
     names = [name.strip().strip('"') for name in plain.cells(_uncommented(lines[at]))]
+    if not any(names):
+        raise InputError(f"{path}: line {at + 1} names no column; the first line must name them")
     rows = [(i, row) for i, row in enumerate(lines[at + 1 :], at + 1) if not is_aside(row)]
     units: tuple[str, ...] = ()
     skip = at + 1

@@ -30,6 +30,7 @@ from graphnav.reading.table_file import open_table
 from graphnav.reading.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+SLOWEST_S = 1.5  # between inertial samples: slower is another unit, nothing to integrate
 FULL_TURN_DEG = 360.0  # receivers write figures beyond it while they have no heading
 
 
@@ -92,6 +93,7 @@ def _imu(reader: _Reader) -> tuple[Imu | None, tuple[bool, ...]]:
         raise InputError(f"{samples.file.path}: fewer than two inertial samples; need {GYRO[0]}...")
     time = reader.time(found.rows)
     step = np.diff(time)
+    _check_pace(samples, float(np.median(step)))
     imu = Imu(
         time=time,
         dt=np.concatenate([[np.median(step)], step]),
@@ -100,6 +102,14 @@ def _imu(reader: _Reader) -> tuple[Imu | None, tuple[bool, ...]]:
     )
     which = np.abs(axes).argmax(1)
     return imu, tuple(found.sensed[k] for k in (*which, *(which + 3)))
+
+
+def _check_pace(samples: Samples, step: float) -> None:
+    if step > SLOWEST_S:
+        raise InputError(
+            f"{samples.file.path}: the IMU comes every {step:g} s: is its clock in ms, us or ns? "
+            'set [columns] time = { unit = "ms" } in the vehicle file'
+        )
 
 
 def _turned(vectors: Array, axes: Array) -> Array:

@@ -170,9 +170,14 @@ def _contradiction(now: Ordered, start: int, count: int) -> InputError:
     names = [n for n, c in now.columns.items() if n != "time" and c[start] != c[start + 1]
              and np.isfinite(c[start : start + 2]).all()]  # fmt: skip
     differ = f" in {names[0]}" if names else ""
+    if clock[0] == clock[-1]:
+        return InputError(
+            f"{now.file.path}: every row has the time {clock[0]:.15g}: the clock stands still; "
+            "name the column that counts on under [columns] time in the vehicle file"
+        )
     return InputError(
         f"{now.file.path}: time repeats at {now.file.row(start + 1)}: two rows at "
-        f"{clock[start]:.15g} differ{differ}, {count} times in all: is the clock written with too "
+        f"{clock[start]:.15g} differ{differ}, so in {count} places: is the clock written with too "
         "few decimals, or another column the clock? Write the times with all their digits"
     )
 

@@ -21,6 +21,7 @@ from graphnav.reading import bounds, dirty_cells, dirty_text
 from graphnav.reading.archive import Unfolding, is_archive
 from graphnav.reading.cell_words import PLAIN_BLANKS
 from graphnav.reading.dialect import HEAD_BYTES, Dialect, check_columns, dialect_of
+from graphnav.reading.plain_file import check_file
 
 Array = NDArray[np.float64]
 pa.set_memory_pool(pa.system_memory_pool())  # others keep what they free from numpy's arrays
@@ -64,9 +65,7 @@ class Table:
 
 def open_table(path: Path) -> TableFile:
     """The table at `path`; InputError when it is absent, empty or not a table."""
-    if not path.is_file():
-        what = "is a directory" if path.is_dir() else "no such file"
-        raise InputError(f"{path}: {what}; give a .csv, .csv.gz or .parquet file")
+    check_file(path, "file", "give a .csv, .csv.gz or .parquet file")
     try:
         if is_parquet(path):
             return TableFile(path, _parquet_header(path), None)

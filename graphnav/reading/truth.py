@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pandas import DataFrame
 
 NEEDED = ("time", "lat", "lon", "height")
+FASTEST, WIDEST_DEG = 1e4, 1e4  # m/s, deg (headings may be counted on)
 OPTIONAL = ("v_e", "v_n", "v_u", "roll_deg", "pitch_deg", "heading_deg")
 
 
@@ -43,17 +44,28 @@ def read_truth(path: Path) -> "DataFrame":
     known = truth[list(NEEDED)].notna().all(axis=1)
     if not known.any():
         raise InputError(f"{path}: no row holds time, lat, lon and height")
+    notes = [*read.notes, *clock.notes, *_without_absurd(truth)]
     on_earth = pd.concat([truth[n].between(*RANGE[f"gnss_{n}"]) for n in NEEDED[1:]], axis=1)
     wild = known & ~on_earth.all(axis=1)
     if wild.sum() > MOST_DAMAGED * known.sum():
         row = clock.file.row(int(wild.to_numpy().argmax()))
         raise InputError(f"{path}: {row}: no latitude, longitude in degrees and height in m")
-    notes = [*read.notes, *clock.notes]
     notes += [f"{wild.sum()} rows that are nowhere on Earth left out"] * bool(wild.any())
     known &= ~wild
     truth = truth[known].reset_index(drop=True)
     truth.attrs["notes"] = [f"{path.name}: {note}" for note in notes]
     return truth
+
+
+def _without_absurd(truth: "DataFrame") -> list[str]:
+    """Blank velocities and angles that are none, in place; what to say of it."""
+    told = []
+    for name in truth.columns.intersection(OPTIONAL):
+        absurd = truth[name].abs() > (FASTEST if name.startswith("v_") else WIDEST_DEG)
+        if absurd.any():
+            told.append(f"{int(absurd.sum())} values of {name} are none: read as blank")
+            truth.loc[absurd, name] = np.nan
+    return told
 
 
 def read_trajectory(path: Path) -> "DataFrame":

@@ -12,9 +12,16 @@ from pydantic.fields import FieldInfo
 
 from graphnav.common.errors import InputError
 from graphnav.reading import columns
+from graphnav.reading.plain_file import check_file
 from graphnav.reading.vehicle import Column, Section, Vehicle
 
 LARGEST = 1_000_000  # bytes
+MOST_POINTS = 200  # in a line
+SHOWN = 60  # characters of a value that is told
+WHERE = (
+    "give one with --vehicle, or write at least '[vehicle]\\nkind = \"wheeled\"' (tracked, "
+    "wheeled or rover) there"
+)
 TABLES = {info.alias or name: info for name, info in Vehicle.model_fields.items()}
 
 
@@ -23,21 +30,31 @@ def load_vehicle(path: Path | None, run_path: Path) -> Vehicle:
 
     Raises `InputError` when it is absent, is not TOML, or holds anything that is not understood.
     """
-    if path is None and not run_path.is_file():
-        raise InputError(f"{run_path}: no such run file; give a .csv, .csv.gz or .parquet file")
-    path = run_path.parent / "vehicle.toml" if path is None else path
-    if not path.is_file():
-        raise InputError(
-            f"{path}: no such vehicle file; give one with --vehicle, or write at least "
-            "'[vehicle]\\nkind = \"wheeled\"' (tracked, wheeled or rover) there"
-        )
+    if path is None:
+        check_file(run_path, "run file", "give a .csv, .csv.gz or .parquet file")
+        path = run_path.parent / "vehicle.toml"
+    check_file(path, "vehicle file", WHERE)
     try:
         if path.stat().st_size > LARGEST:
             raise InputError(f"{path}: {path.stat().st_size} bytes are no vehicle file")
-        table = tomllib.loads(path.read_text(encoding="utf-8-sig"))
-    except (ValueError, RecursionError) as error:  # TOMLDecodeError, UnicodeDecodeError among them
-        raise InputError(f"{path}: not TOML: {error}") from None
+        text = path.read_text(encoding="utf-8-sig")
+        _check_points(path, text)
+        table = tomllib.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: not TOML: brackets in brackets, too deep to read") from None
+    except ValueError as error:  # TOMLDecodeError, UnicodeDecodeError among them
+        why = "a number of thousands of digits" if "digits" in str(error) else error
+        raise InputError(f"{path}: not TOML: {why}") from None
     return parse_vehicle(table, str(path))
+
+
+def _check_points(path: Path, text: str) -> None:
+    """InputError on a line of so many points that its key would be a table in a table in a ..."""
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.count(".") > MOST_POINTS:
+            raise InputError(
+                f"{path}: line {number}: {line.count('.')} points are in no line of a vehicle file"
+            )
 
 
 def parse_vehicle(table: dict[str, Any], source: str = "vehicle") -> Vehicle:
@@ -54,6 +71,15 @@ def parse_vehicle(table: dict[str, Any], source: str = "vehicle") -> Vehicle:
 def nearest(word: str, known: Iterable[str]) -> str:
     """The known word most like `word`."""
     return max(known, key=lambda k: SequenceMatcher(None, word.lower(), k.lower()).ratio())
+
+
+def _shown(value: Any) -> str:
+    """A value as a user wrote it, in short."""
+    try:
+        text = repr(value)
+    except ValueError:  # Python prints no number of so many digits
+        return "a number of thousands of digits"
+    return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."
 
 
 def _section(name: str) -> type[Section] | None:
@@ -74,7 +100,7 @@ def _known_keys(table: dict[str, Any]) -> None:
             cure = f"it belongs under [{home}]" if home else f"nearest is [{nearest(name, TABLES)}]"
             raise ValueError(f"unknown table or key '{name}'; {cure}")
         if not isinstance(content, dict):
-            raise ValueError(f"[{name}] must be a table of keys, not {content!r}")
+            raise ValueError(f"[{name}] must be a table of keys, not {_shown(content)}")
         for key in content:
             if key not in _keys(name):
                 raise ValueError(f"[{name}] {_unknown(key, name)}")
@@ -103,7 +129,7 @@ def _line(error: ValidationError, table: dict[str, Any]) -> str:
         return f"{name} must be a name, or a table of {keys}, e.g. {_example(where)}"
     value = table.get(where[0], {}).get(where[1])
     info = _field(where)
-    return f"{name} = {value!r}: must be {_wanted(info, first)} ({info.description})"
+    return f"{name} = {_shown(value)}: must be {_wanted(info, first)} ({info.description})"
 
 
 def _field(where: list[str]) -> FieldInfo:

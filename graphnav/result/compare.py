@@ -199,7 +199,7 @@ def _rms(error: Array) -> float:
 
 
 def _rms_or_none(error: Array | None) -> float | None:
-    return None if error is None else _rms(error)
+    return None if error is None or np.isnan(error).all() else _rms(error)
 
 
 def _mean(values: Array | None) -> float | None:

@@ -1,12 +1,15 @@
 """summary.json and calibration.json of a solved run."""
 
 import json
+import math
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from graphnav.common.errors import SolutionError
 from graphnav.result.quality import Quality
 from graphnav.result.solved import Calibrated, Solved
 
@@ -108,5 +111,21 @@ def _residuals(solved: Solved) -> dict[str, Any]:
 
 
 def write_json(path: Path, content: dict[str, Any]) -> None:
-    """A file that other programs can read: no NaN in it."""
+    """A file that other programs can read. Raises SolutionError where it would hold NaN."""
+    name = _no_number(content)
+    if name is not None:
+        raise SolutionError(
+            f"{name.lstrip('.')} of {path.name} came out as no number: what the sensors hold, or "
+            "their stated noise, is far out of proportion; check units and figures in the vehicle "
+            "file (graphnav check tells more)"
+        )
     path.write_text(json.dumps(content, indent=1, allow_nan=False), encoding="utf-8")
+
+
+def _no_number(value: Any, name: str = "") -> str | None:
+    """The name of the first value that is NaN or infinite; None where there is none."""
+    if isinstance(value, float):
+        return None if math.isfinite(value) else name
+    inside: Iterable[tuple[Any, Any]] = value.items() if isinstance(value, dict) else ()
+    inside = enumerate(value) if isinstance(value, list | tuple) else inside
+    return next((n for key, each in inside if (n := _no_number(each, f"{name}.{key}"))), None)

@@ -23,10 +23,10 @@ def check_fit(trajectory: "DataFrame", truth: "DataFrame") -> None:
     own, time = (frame["time"].to_numpy(dtype=np.float64) for frame in (trajectory, truth))
     shared = _shared(own, time)
     if shared < LEAST_SHARE or (np.median(np.diff(time)) > SLOW_S and _unit(own, time)):
-        spans = f"truth ({time[0]:.15g} to {time[-1]:.15g}) and result ({own[0]:.15g} to "
+        spans = f"truth ({_at(time[0])} to {_at(time[-1])}) and result ({_at(own[0])} to "
         share = f"share {shared:.2%} of their time" if shared > 0 else "share no time"
         raise InputError(
-            f"{spans}{own[-1]:.15g}) {share}: {_why(own, time)}; both must be on the run file's "
+            f"{spans}{_at(own[-1])}) {share}: {_why(own, time)}; both must be on the run file's "
             "clock"
         )
     here = _middle(trajectory)
@@ -35,6 +35,10 @@ def check_fit(trajectory: "DataFrame", truth: "DataFrame") -> None:
         raise InputError(
             f"truth's lat, lon ({there[0]:.6f}, {there[1]:.6f}) are in radians: give degrees"
         )
+
+
+def _at(time: float) -> str:
+    return f"{round(time, 3):.15g}"
 
 
 def _shared(own: Array, time: Array) -> float:

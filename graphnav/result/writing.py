@@ -35,7 +35,8 @@ def check_replaceable(out: Path, inputs: tuple[Path | None, ...] = ()) -> None:
     To be called before the work begins, so that nobody waits for a refusal.
     """
     out = _resolved(out)
-    if not out.exists():
+    if not _there(out):
+        _check_makeable(out)
         return
     if not out.is_dir():
         raise InputError(f"{out}: is a file, not a directory; give another --out")
@@ -48,6 +49,22 @@ def check_replaceable(out: Path, inputs: tuple[Path | None, ...] = ()) -> None:
             f"{out}: holds {there[0]}, which graphnav did not write, and is not replaced; "
             "move it away or give another --out"
         )
+
+
+def _there(out: Path) -> bool:
+    try:
+        return out.exists()
+    except OSError as error:  # a name too long, a directory that may not be entered
+        raise InputError(f"{out}: {error.strerror}; give another --out") from None
+
+
+def _check_makeable(out: Path) -> None:
+    """InputError when no directory can be made where `out` is to be."""
+    above = next(path for path in out.parents if path.exists())
+    if not above.is_dir():
+        raise InputError(f"{out}: cannot be made, {above} is a file; give another --out")
+    if not os.access(above, os.W_OK | os.X_OK):
+        raise InputError(f"{out}: may not be made in {above}; give another --out")
 
 
 @contextmanager

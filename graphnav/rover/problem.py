@@ -83,7 +83,7 @@ def prepare(run: Run, vehicle: Vehicle) -> RoverProblem:
     if run.rover is None:
         raise InputError(f"{run.path}: a rover needs wheel_1 .. wheel_6 and steer_1 .. steer_6")
     linkage = rover.linkage_of(vehicle.rover, str(run.path))
-    wheels = rover.wheels_of(run.rover, linkage, vehicle.odometer.lever_b)
+    wheels = rover.wheels_of(run.rover, linkage, vehicle.odometer.lever_b, str(run.path))
     inc = increments(run.imu) if run.imu is not None else None
     edges = wheels.time if inc is None else inc.edge
     fixes = () if run.gnss is None else (run.gnss.time,)

@@ -15,6 +15,7 @@ from graphnav.common.run import Accelerometer, Array, ExternalHeading, Imu, Rove
 from graphnav.reading.vehicle import RoverSpec
 
 SMOOTH_S = 1.0  # joint angles are smoothed over this before they are differenced
+FASTEST = 50.0  # m/s on the whole
 GAP_S = 1.0  # a longer silence of the running gear is a gap
 FIT_SAMPLES = 3000  # of the run, from which the wheels' spread is taken
 UNSTEERED = 1.0  # spread across wheels of unknown steering
@@ -52,10 +53,11 @@ def linkage_of(spec: RoverSpec, path: str) -> rb.Linkage:
     return rb.Linkage(**values)
 
 
-def wheels_of(gear: RoverGear, linkage: rb.Linkage, lever_b: Array) -> Wheels:
+def wheels_of(gear: RoverGear, linkage: rb.Linkage, lever_b: Array, where: str = "run") -> Wheels:
     """Robust C2 and C4 over the whole run, the wheels' spread fitted to the run.
 
-    `lever_b` (3,) m leads from the IMU to the linkage's body origin.
+    `lever_b` (3,) m leads from the IMU to the linkage's body origin. Raises InputError, which
+    `where` begins, when the wheels cannot have rolled like that.
     """
     joints = rb.Joints(
         steer=_filled(gear.steer, gear.time),
@@ -76,16 +78,24 @@ def wheels_of(gear: RoverGear, linkage: rb.Linkage, lever_b: Array) -> Wheels:
             spread = replace(spread, side=UNSTEERED)
     motion = rb.body_motion(linkage, gear.wheel, joints, rates, spread)
     motion = replace(motion, centroid_b=motion.centroid_b + lever_b)
-    return _integrated(gear.time, rb.wheel_positions(linkage, joints) + lever_b, motion, spread)
+    wheels_b = rb.wheel_positions(linkage, joints) + lever_b
+    return _integrated(gear.time, wheels_b, motion, spread, where)
 
 
 def _integrated(
-    time: Array, wheels_b: Array, motion: rb.BodyMotion, spread: rb.WheelSpread
+    time: Array, wheels_b: Array, motion: rb.BodyMotion, spread: rb.WheelSpread, where: str
 ) -> Wheels:
     known = np.isfinite(motion.w_z)
     if np.count_nonzero(known) < 2:
         raise InputError(
-            "the running gear never has three wheels at once: check wheel_1 .. wheel_6"
+            f"{where}: the running gear never has three wheels at once: check wheel_1 .. wheel_6"
+        )
+    path = _integral(motion.speed, time)
+    took = time[-1] - time[0]
+    if path[-1] > FASTEST * took:
+        raise InputError(
+            f"{where}: the wheels roll {path[-1]:.3g} m in {took:.3g} s, as no rover does: set "
+            "the unit of wheel_1 .. wheel_6 under [columns], or mend [rover] wheel_radius [m]"
         )
     v_b = np.stack([np.interp(time, time[known], motion.v_b[known, i]) for i in range(3)], -1)
     yaw = _integral(np.interp(time, time[known], motion.w_z[known]), time)
@@ -98,7 +108,7 @@ def _integrated(
         motion=motion,
         spread=spread,
         yaw=yaw,
-        path=_integral(motion.speed, time),
+        path=path,
         ahead=_integral(v_b[:, 1], time),
         swept=_integral(v_b[:, 0] * turn.real - v_b[:, 1] * turn.imag, time)
         + 1j * _integral(v_b[:, 0] * turn.imag + v_b[:, 1] * turn.real, time),

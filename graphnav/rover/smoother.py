@@ -180,6 +180,7 @@ def first_guess(problem: RoverProblem, sensed: bool = True) -> Estimate:
     if source is not None:
         f = rover.levelling(source, time).force_b
         ok = np.isfinite(f[:, 0])
+    if source is not None and ok.any():  # else level until the wheels tell
         roll = np.interp(time, time[ok], np.arctan2(-f[ok, 0], f[ok, 2]))
         pitch = np.interp(time, time[ok], np.arctan2(f[ok, 1], np.hypot(f[ok, 0], f[ok, 2])))
     R = rotation_of_angles(roll, pitch, angle - yaw)
