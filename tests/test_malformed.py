@@ -211,7 +211,7 @@ def test_a_truncated_archive(tmp_path: Path) -> None:
     damaged = bytearray(whole)
     damaged[-6] ^= 1
     archive.write_bytes(damaged)
-    assert "the archive is damaged, seen after" in complaint(archive)
+    assert "the archive is damaged" in complaint(archive)
     archive.write_bytes(path.read_bytes())
     assert "is no gzip archive" in complaint(archive)
 

@@ -42,6 +42,13 @@ def one_line(capsys: pytest.CaptureFixture[str], *arguments: object) -> tuple[in
         ("--truth", "/nowhere"),
         ("--vehicle", "/dev/null"),
         ("--out", "{}/loop/out"),
+        ("--out", "{}/run.csv/out"),
+        ("--out", "{}/" + "x" * 300),
+        ("--out", ""),
+        ("--out", "{}/\udcff"),
+        ("--vehicle", "{}"),
+        ("--truth", "{}/loop"),
+        ("--lag", "1e308"),
     ],
 )
 def test_options_that_are_none(
@@ -57,6 +64,9 @@ def test_options_that_are_none(
     "text",
     [
         "a = " + "[" * 5000 + "]" * 5000,
+        ".".join("a" * 20_000) + " = 1",
+        VEHICLE.replace("45.0", "0x" + "f" * 5000),
+        VEHICLE.replace("45.0", "9" * 4000),
         "[start]\nlat = " + "9" * 5000,
         VEHICLE.replace("45.0", "9" * 400),
         VEHICLE.replace("100.0", "1e300"),

@@ -84,7 +84,7 @@ class Unfolding(io.RawIOBase):
             data = self._member.decompress(self._left, UNFOLDED)
         except zlib.error:
             raise InputError(
-                f"{self._path}: the archive is damaged, seen after {self.share:.0%} of its bytes: "
+                f"{self._path}: the archive is damaged (its checksum or its inner order is wrong): "
                 "copy it anew"
             ) from None
         if self._member.eof:

@@ -21,7 +21,7 @@ PER_CELL = 24  # bytes of a number while it is read: pyarrow's, numpy's and the 
 PER_ROW = 400  # bytes of an inertial sample on its way: increments, screening, reckoning
 MOST_KNOWN = 64  # columns graphnav can use, at most
 READ_AT_ONCE = 4 << 20
-LOOKED_AT = 64 << 20  # bytes unfolded to see how an archive that claims too much goes on
+LOOKED_AT = 16 << 20  # bytes unfolded to see how an archive that claims too much goes on
 # bytes of a solution, measured by tools/bench.py: a node with its factors and covariances (batch,
 # incremental), a second of the dense path, a row of the trajectory in its three forms
 PER_NODE = {"batch": 47_000, "incremental": 90_000}

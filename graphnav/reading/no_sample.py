@@ -13,11 +13,13 @@ from graphnav.reading.table_file import TableFile
 Array = NDArray[np.float64]
 
 SENTINEL = 1e9  # nothing a land vehicle measures is as large; receivers write -2e10, 1e38
+FASTEST_WHEEL, WIDEST_JOINT = 1e3, 10.0  # rad/s, rad: rovers crawl, and their joints have stops
 FEW = 3  # values a receiver may use to say "none"; more are another unit
 # what a value can be, in the unit it is read in
 RANGE: dict[str, tuple[float, float]] = {
-    **dict.fromkeys((*GYRO, *ACCEL, *SIDES, *WHEELS, *STEERS, *LINKS, "odo_speed"),
-                    (-SENTINEL, SENTINEL)),
+    **dict.fromkeys((*GYRO, *ACCEL, *SIDES, "odo_speed"), (-SENTINEL, SENTINEL)),
+    **dict.fromkeys(WHEELS, (-FASTEST_WHEEL, FASTEST_WHEEL)),
+    **dict.fromkeys((*STEERS, *LINKS), (-WIDEST_JOINT, WIDEST_JOINT)),
     "gnss_lat": (-90.0, 90.0),
     "gnss_lon": (-360.0, 360.0),
     "gnss_height": (-2e4, 1e6),
