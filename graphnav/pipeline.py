@@ -5,7 +5,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from graphnav.common.errors import InputError
+from numpy.linalg import LinAlgError
+
+from graphnav.common.errors import InputError, SolutionError
 from graphnav.common.progress import Stages
 from graphnav.common.run import Run
 from graphnav.inertial.measured import measured
@@ -113,7 +115,24 @@ def said_of(solved: Solved) -> list[str]:
 def solve(
     run: Run, vehicle: Vehicle, options: SmoothOptions = DEFAULT, progress: Stages | None = None
 ) -> Solved:
-    """The solver for this kind of vehicle and these sensors."""
+    """The solver for this kind of vehicle and these sensors.
+
+    Raises SolutionError, naming the likeliest sensor, where its linear algebra breaks down.
+    """
+    try:
+        return _solved(run, vehicle, options, progress)
+    except (LinAlgError, OverflowError, FloatingPointError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and "ndeterminate linear system" not in str(error):
+            raise
+        from graphnav.graph.contradiction import most_unusual
+
+        raise SolutionError(
+            f"the sensors leave the solution undetermined; {most_unusual(run)}"
+        ) from error
+
+
+def _solved(run: Run, vehicle: Vehicle, options: SmoothOptions, progress: Stages | None) -> Solved:
+    """As `solve`, whatever it raises."""
     progress = progress or Stages(show=False)
     use_gnss, outages = options.use_gnss, options.outages
     if options.lag is not None and options.mode != "incremental":

@@ -154,9 +154,22 @@ KINDS: dict[str, Dirty] = {
     "ISO times": lambda t, _: at_night(t, "%Y-%m-%dT%H:%M:%S.%f"),
     "ISO times in a zone": lambda t, _: at_night(t, "%Y-%m-%d %H:%M:%S.%f+02:00"),
     "times of the day": lambda t, _: at_night(t, "%H:%M:%S.%f"),
+    # two and three of them at once
+    "Excel's text in UTF-16": lambda t, _: text(t, sep=";", decimal=",", na_rep="#N/A").encode(
+        "utf-16"
+    ),
+    "tabs and comments": lambda t, rng: with_comments(t, rng).replace(",", "\t"),
+    "roll-over, 1e-7 deg, .nan": lambda t, rng: begun_anew(
+        t.assign(**{n: (t[n] * 1e7).round() for n in ("gnss_lat", "gnss_lon")}), 604800
+    ).replace(",,", ",.nan,"),
+    "own rows and None": lambda t, rng: rows_of_their_own(t, rng).replace(",,", ",None,"),
+    "twice with quoted commas": lambda t, rng: text(
+        pd.concat([t, t.iloc[rng.integers(0, len(t), 50)]]).sort_values("time"), decimal=","
+    ),
 }
 # clocks that stand at another value lose a float's last digits
-TO_THE_CLOCKS_RESOLUTION = {"week roll-over": 1e-9, "midnight": 1e-9, "times of the day": 1e-9,
+TO_THE_CLOCKS_RESOLUTION = {"week roll-over": 1e-9, "roll-over, 1e-7 deg, .nan": 1e-9,
+                            "midnight": 1e-9, "times of the day": 1e-9,
                             "ISO times": 5e-6, "ISO times in a zone": 5e-6}  # fmt: skip
 UNTOLD = {"UTF-8 with a mark", "lines of old Macs"}
 

@@ -159,6 +159,24 @@ def test_a_time_far_from_all_others(tmp_path: Path) -> None:
         read_run_of(saved(table, tmp_path), pytest.MonkeyPatch())
 
 
+@pytest.mark.parametrize("error", [np.linalg.LinAlgError("Singular"), OverflowError("inf")])
+def test_linear_algebra_that_breaks_down_names_the_sensor(
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+    error: Exception,
+) -> None:
+    def broken(*_: object) -> None:
+        raise error
+
+    monkeypatch.setattr("graphnav.batch.smoother.smooth_batch", broken)
+    table = driven(20)
+    table.loc[500:540, "gyro_z"] += 3.0
+    status, said = one_line(capsys, "smooth", saved(table, tmp_path), "--no-rrd")
+    assert status == 1
+    assert "the IMU strays furthest from its usual" in said and "from 10." in said
+
+
 def test_what_does_not_settle_is_named_with_span_and_cure() -> None:
     time = np.arange(100.0)
     residual = np.full((100, 2), 0.5)
