@@ -10,6 +10,14 @@ from graphnav.common.run import Array, Run
 from graphnav.graph.preparation import Prepared, prepare
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle_file import load_vehicle
+from graphnav.simulation import simulate
+
+
+def wheeled(where: Path, seconds: float) -> Path:
+    """A simulated car with fixes that stands for the first 90 s or so."""
+    out = where / "wheeled"
+    simulate("wheeled", out, 11, duration=seconds, grade="tactical", gnss=True)
+    return out
 
 
 def prepared(directory: Path) -> Prepared:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from streams import cut, positions, prepared
+from streams import cut, positions, prepared, wheeled
 
 from factors import so3
 from graphnav import Smoother
@@ -18,8 +18,7 @@ from graphnav.graph.preparation import Prepared, prepare
 from graphnav.reading.read import read_run
 from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.simulation import simulate
-from graphnav.stream import incremental_graph as growing
-from graphnav.stream import isam
+from graphnav.stream import incremental_graph, isam
 from graphnav.stream import replay as incremental
 
 SECONDS = 240.0  # of which the first 90 or so at rest
@@ -27,9 +26,7 @@ SECONDS = 240.0  # of which the first 90 or so at rest
 
 @pytest.fixture(scope="module")
 def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("stream") / "wheeled"
-    simulate("wheeled", out, 11, duration=SECONDS, grade="tactical", gnss=True)
-    return out
+    return wheeled(tmp_path_factory.mktemp("stream"), SECONDS)
 
 
 @pytest.fixture(scope="module")
@@ -82,10 +79,10 @@ def test_noise_is_learnt_as_the_run_doubles(prep: Prepared, stream: Smoother) ->
     assert not any("displacement" in key for key in early.log.scales)
     found, batch = graph.log.scales, smooth_batch(prep).scales
     assert found.keys() - ASSUMED.keys() == {key for key in batch if not key.startswith("gnss")}
-    assert min(found.values()) >= growing.BOLDEST
+    assert min(found.values()) >= incremental_graph.BOLDEST
     usual = "displacement:moving:{}:usual"
     for axis in ("lateral", "forward"):
-        scale = max(batch[usual.format(axis)], growing.BOLDEST)
+        scale = max(batch[usual.format(axis)], incremental_graph.BOLDEST)
         assert found[usual.format(axis)] == pytest.approx(scale, rel=0.3)
 
 
@@ -94,7 +91,7 @@ def test_shedding_old_nodes_changes_nothing(
 ) -> None:
     short = cut(prep, 200.0)
     t, p = positions(incremental.replayed(short, None))
-    monkeypatch.setattr(growing, "KEPT_S", 22.0)
+    monkeypatch.setattr(incremental_graph, "KEPT_S", 22.0)
     monkeypatch.setattr(isam, "MOST", 7)
     t_shed, p_shed = positions(incremental.replayed(short, None))
     np.testing.assert_array_equal(t_shed, t)

@@ -8,14 +8,13 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from streams import cut, prepared, with_run
+from streams import cut, prepared, wheeled, with_run
 
 from graphnav import Smoother
 from graphnav.cli.cli import main
 from graphnav.common.errors import InputError
 from graphnav.graph.preparation import Prepared
 from graphnav.inertial.increments import increments
-from graphnav.simulation import simulate
 from graphnav.stream import replay as incremental
 from graphnav.stream.inertial_intake import Inertial
 from graphnav.stream.intake import Distance
@@ -25,9 +24,7 @@ SECONDS = 150.0  # of which the first 90 or so at rest
 
 @pytest.fixture(scope="module")
 def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("intake") / "wheeled"
-    simulate("wheeled", out, 11, duration=SECONDS, grade="tactical", gnss=True)
-    return out
+    return wheeled(tmp_path_factory.mktemp("stream"), SECONDS)
 
 
 @pytest.fixture(scope="module")

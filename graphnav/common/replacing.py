@@ -1,4 +1,4 @@
-"""A directory in the place of another, so that whatever moment a kill comes one of them stands.
+"""A file or directory in the place of another: whatever moment a kill comes, one of them stands.
 
 Names carry host and process: what a dead process of this host left may be put right, what belongs
 to another host or a living process is left alone.
@@ -10,7 +10,7 @@ import re
 import socket
 import sys
 from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from errno import EBUSY, EEXIST, EINVAL, ENOENT, ENOSYS, ENOTEMPTY, ENOTSUP, EPERM
 from itertools import count
 from pathlib import Path
@@ -20,6 +20,17 @@ AT_FDCWD, RENAME_EXCHANGE, RENAME_SWAP = -100, 2, 2  # linux/fs.h; sys/stdio.h o
 CANNOT = {ENOSYS, EINVAL, ENOTSUP, EPERM}  # the system or its file system has no exchange
 CLASH = {ENOENT, EEXIST, ENOTEMPTY, EBUSY}  # another process was quicker
 TRIES = 50
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[Path]:
+    """A file to be written in the place of `path`, which it takes only when it is done."""
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    try:
+        yield part
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def made_aside(out: Path, what: str) -> Path:

@@ -4,11 +4,11 @@ Every format can be told at the IMU or at a point fixed to the vehicle (lever ar
 """
 
 import difflib
-import os
 from collections.abc import Callable
 from pathlib import Path
 
 from graphnav.common.errors import InputError
+from graphnav.common.replacing import whole
 from graphnav.export import maps, tables
 from graphnav.export.nmea import nmea
 from graphnav.export.track import Track, track
@@ -31,7 +31,7 @@ SUFFIX = {name: f".{name}" for name in FORMATS} | {"sbet": ".out"}
 def write(
     results: Results, fmt: str, path: Path, at_b: tuple[float, float, float] | None = None
 ) -> None:
-    """Write the trajectory as `fmt` at the IMU or at the lever arm `at_b` [m], aside then renamed.
+    """Write the trajectory as `fmt` at the IMU or at the lever arm `at_b` [m].
 
     Raises InputError for a format graphnav does not write.
     """
@@ -39,9 +39,5 @@ def write(
         near = difflib.get_close_matches(fmt, FORMATS, 1)
         hint = f"did you mean {near[0]}? " if near else ""
         raise InputError(f"export format {fmt!r} unknown; {hint}choose from {', '.join(FORMATS)}")
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        FORMATS[fmt](results, track(results, at_b), aside)
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with whole(path) as part:
+        FORMATS[fmt](results, track(results, at_b), part)

@@ -118,12 +118,8 @@ def keep_in_result(result: Path, name: str, run_path: Path, text: str) -> Path:
     path = result / name
     if not (result / MARKER).is_file():
         path = run_path.parent / f"{run_path.name.split('.')[0]}_{name}"
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        aside.write_text(text, encoding="utf-8")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with replacing.whole(path) as part:
+        part.write_text(text, encoding="utf-8")
     adopt(result, path)
     return path
 
@@ -215,9 +211,9 @@ def _results(directory: Path) -> list[Path]:
 def _mark(directory: Path, listed: Mapping[str, Any]) -> None:
     """Write the marker; all that is there, where nothing is listed."""
     listed = listed or {str(name): _print_of(directory / name) for name in _results(directory)}
-    aside = directory / f"{MARKER}.{os.getpid()}"
-    aside.write_text(json.dumps({"graphnav": __version__, "files": listed}), encoding="utf-8")
-    aside.replace(directory / MARKER)
+    part = directory / f"{MARKER}.{os.getpid()}"  # what a kill leaves is no foreign file
+    part.write_text(json.dumps({"graphnav": __version__, "files": listed}), encoding="utf-8")
+    part.replace(directory / MARKER)
 
 
 def _print_of(path: Path) -> list[Any]:

@@ -5,11 +5,11 @@ show (`entry.SERIES_LIMIT`, `entry.STRIP_LIMIT`); Parquet keeps the full record.
 ENU metres, since rerun stores them in single precision.
 """
 
-import os
 import re
 from pathlib import Path
 
 from graphnav.common.errors import SolutionError
+from graphnav.common.replacing import whole
 from graphnav.result.result_directory import Results
 from graphnav.views.recording import curves, map, notes, paths, scalars, timeline
 from graphnav.views.recording.blueprint import layout
@@ -28,23 +28,19 @@ def application_id(results: Results) -> str:
 
 
 def write(results: Results, path: Path) -> None:
-    """Write the recording, aside first and then renamed: `path` is never half a file.
+    """Write the recording; `path` is never half a file.
 
     Raises SolutionError when rerun writes nothing (environment variable RERUN=off).
     """
     import rerun as rr
 
     content = entries(results)
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
     name = application_id(results)
     recording = rr.RecordingStream(name, recording_id=name, send_properties=False)
     recording.set_log_time_enabled(False)
-    try:
+    with whole(path) as part:
         with recording:
-            recording.save(aside, default_blueprint=layout(results, content))
+            recording.save(part, default_blueprint=layout(results, content))
             send(recording, content)
-        if not aside.exists():
+        if not part.exists():
             raise SolutionError(f"{path}: rerun wrote nothing; unset the variable RERUN and repeat")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)

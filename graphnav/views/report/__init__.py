@@ -4,25 +4,21 @@ Made from the results alone by `graphnav report DIR`. Figures are SVG by matplot
 the page is a Jinja template with escaping on.
 """
 
-import os
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import graphnav
+from graphnav.common.replacing import whole
 from graphnav.result.quality import in_one_line
 from graphnav.result.result_directory import Results
 from graphnav.views.report import drive, quality, svg, tables
 
 
 def write(results: Results, path: Path) -> None:
-    """Write the page, aside first and then renamed."""
-    aside = path.with_name(f".{path.name}.{os.getpid()}")
-    try:
-        aside.write_text(page(results), encoding="utf-8")
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    """Write the page; `path` is never half a file."""
+    with whole(path) as part:
+        part.write_text(page(results), encoding="utf-8")
 
 
 def page(results: Results) -> str:
