@@ -46,7 +46,7 @@ def velocity(reading: VelocityReading, layout: Layout, scope: Scope, x: Estimate
     R_mb, R_nb = so3.transpose(mount.R_bm), x.R_nb[scope.node]
     v_b = so3.mtv(R_nb, x.v_n[scope.node])
     v_m = so3.mv(R_mb, v_b + so3.cross(rate_b, c[:, arm]))
-    told, J_c = _told(reading, layout, c, v_m)
+    expected, J_c = _expected(reading, layout, c, v_m)
 
     J_x = np.zeros((n, 3, NODE_DIM))
     J_x[:, :, ROTATION] = R_mb @ so3.skew(v_b)
@@ -57,13 +57,15 @@ def velocity(reading: VelocityReading, layout: Layout, scope: Scope, x: Estimate
         slip = (c[:, cornering] * yaw_rate)[:, None]
         for J in (J_x[:, :, ROTATION], J_x[:, :, VELOCITY], J_c[:, :, angles], J_c[:, :, arm]):
             J[:, 0] -= slip * J[:, 1]
-    r = v_m - told
+    r = v_m - expected
     in_odometer_units(reading.forward, layout, c, r, (J_x, J_c))
     terms = (Term("x", scope.node, J_x), Term("c", scope.segment, J_c))
     return whitened(kinds.VELOCITY, AXES, scope.time, r, reading.sigma, terms)
 
 
-def _told(reading: VelocityReading, layout: Layout, c: Array, v_m: Array) -> tuple[Array, Array]:
+def _expected(
+    reading: VelocityReading, layout: Layout, c: Array, v_m: Array
+) -> tuple[Array, Array]:
     """What running gear and odometer say of `v_m` (n, 3), and the residual's Jacobian (n, 3, dim)
     by the calibrations that only act there.
     """
@@ -74,12 +76,12 @@ def _told(reading: VelocityReading, layout: Layout, c: Array, v_m: Array) -> tup
     if (delay := layout.find(DELAY)) is not None:
         speed = speed + (c[:, delay] - reading.delay) * reading.change
         J_c[:, 1, delay] = -gain * reading.change
-    ahead = gain * speed - reading.gauge * np.abs(yaw_rate) * np.sign(reading.speed)
-    aside = -reading.lateral.value(c) * yaw_rate
+    forward_speed = gain * speed - reading.gauge * np.abs(yaw_rate) * np.sign(reading.speed)
+    lateral = -reading.lateral.value(c) * yaw_rate
     if (cornering := layout.find(CORNERING)) is not None:
-        aside = aside + c[:, cornering] * v_m[:, 1] * yaw_rate
+        lateral = lateral + c[:, cornering] * v_m[:, 1] * yaw_rate
         J_c[:, 0, cornering] = -v_m[:, 1] * yaw_rate
     J_c[:, 1, layout.column(SCALE)] = -forward * speed
     reading.forward.add_to(J_c, -(scale * speed)[:, None] * E_Y)
     reading.lateral.add_to(J_c, yaw_rate[:, None] * E_X)
-    return aside[:, None] * E_X + ahead[:, None] * E_Y, J_c
+    return lateral[:, None] * E_X + forward_speed[:, None] * E_Y, J_c

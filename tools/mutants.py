@@ -74,7 +74,7 @@ MUTANTS = [
     *_of(
         "factors/velocity.py",
         "motion_truth factors",
-        ("lateral sign of velocity", "aside = -reading.lateral", "aside = reading.lateral"),
+        ("lateral sign of velocity", "lateral = -reading.lateral", "lateral = reading.lateral"),
         ("lever sign of velocity", "v_b + so3.cross(rate_b", "v_b - so3.cross(rate_b"),
     ),
     *_of(

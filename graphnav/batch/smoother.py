@@ -102,7 +102,7 @@ def _rescaled(scales: Scales, now: "Iterate", problem: Problem, prep: Prepared) 
     """The noise found in a round, and what its fixes have in common."""
     blocks, estimate = now.solution.blocks, now.solution.estimate
     found = rescaled(scales, blocks, problem.noise, now.covariances.joints)
-    usual = position_variance(now.covariances)
+    usual = usual_variance(now.covariances)
     return found | found_common(blocks, prep.setup.layout, estimate, usual, scales)
 
 
@@ -119,12 +119,10 @@ class Iterate:
         p, q = self.solution.estimate.p_n, before.solution.estimate.p_n
         if p.shape != q.shape:
             return False
-        sd, was = (
-            np.sqrt(np.einsum("nii->ni", x.covariances.nodes[:, POSITION, POSITION]))
-            for x in (self, before)
-        )
-        ratio = np.abs(np.log(np.median(sd, axis=0) / np.median(was, axis=0)))
-        return bool((np.abs(p - q) < SAME_PLACE * sd).all() and (ratio < SAME_SD).all())
+        variance = position_variances(self.covariances)
+        now, then = usual_variance(self.covariances), usual_variance(before.covariances)
+        near = np.abs(p - q) < SAME_PLACE * np.sqrt(variance)
+        return bool(near.all() and (0.5 * np.abs(np.log(now / then)) < SAME_SD).all())
 
 
 def _iterate(
@@ -137,9 +135,14 @@ def _iterate(
     return Iterate(solution, path, covariances(solution.bayes_net, problem.order))
 
 
-def position_variance(found: Covariances) -> Array:
-    """Usual variance of a node's position by axis, (3,) m^2."""
-    return np.asarray(np.median(np.einsum("nii->ni", found.nodes[:, POSITION, POSITION]), axis=0))
+def position_variances(found: Covariances) -> Array:
+    """Variance of every node's position by axis, (N, 3) m^2."""
+    return np.asarray(np.einsum("nii->ni", found.nodes[:, POSITION, POSITION]))
+
+
+def usual_variance(found: Covariances) -> Array:
+    """The same of a usual node, (3,) m^2."""
+    return np.asarray(np.median(position_variances(found), axis=0))
 
 
 def _nodes(prep: Prepared, boundaries: Array, interval: float) -> Nodes:

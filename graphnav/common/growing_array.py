@@ -18,7 +18,7 @@ class GrowingArray:
 
     @property
     def rows(self) -> NDArray[np.float64]:
-        """(count, *shape), a view: writing to it changes the tape."""
+        """(count, *shape), a view: writing to it changes the array."""
         return self._data[: self._count]
 
     def append(self, rows: Array) -> None:

@@ -68,15 +68,15 @@ class Aiding:
 
     def heading_near(self, t: float) -> ExternalHeading | None:
         """The heading nearest to a node, if not used yet; all until t count as used."""
-        tape, first = self._headings.rows, self._used
-        time = tape[first:, 0]
+        heard, first = self._headings.rows, self._used
+        time = heard[first:, 0]
         near = np.flatnonzero(np.abs(time - t) < HEADING_REACH_S)
         self._used = first + int(np.searchsorted(time, t, side="right"))
         if not len(near):
             return None
         best = first + int(near[np.abs(time[near] - t).argmin()])
         self._used = max(self._used, best + 1)
-        return _heading(tape[best : best + 1])
+        return _heading(heard[best : best + 1])
 
 
 def joined(headings: list[ExternalHeading | None]) -> ExternalHeading | None:

@@ -83,11 +83,11 @@ class IncrementalGraph:
         start, c = setup.alignment.start, setup.layout.prior.copy()
         c[setup.layout.slices[GYRO_BIAS]] = setup.alignment.gyro_bias
         aligned = (start.R_nb, start.v_n, start.p_n, np.zeros(()), c)
-        for tape, x in zip(self._tapes, aligned, strict=True):
-            tape.push(x)
+        for base, x in zip(self._bases, aligned, strict=True):
+            base.push(x)
 
     @property
-    def _tapes(self) -> tuple[GrowingArray, ...]:
+    def _bases(self) -> tuple[GrowingArray, ...]:
         return self._R, self._v, self._p, self._phase, self._c
 
     @property
@@ -105,7 +105,7 @@ class IncrementalGraph:
     def base(self, first: int, last: int) -> Estimate:
         """Where the error states of nodes `first` to `last` are zero."""
         on = slice(first, last + 1)
-        R, v, p, phase = (x.rows[on] for x in self._tapes[:4])
+        R, v, p, phase = (x.rows[on] for x in self._bases[:4])
         return Estimate(R, v, p, phase, self._c.rows[self.log.segments(first, last)])
 
     def _error(self, first: int, last: int) -> tuple[Array, Array]:
@@ -204,9 +204,9 @@ class IncrementalGraph:
                 R, v, p = predict(pre, len(pre.T) - count + k, R, v, p, g, origin.Omega_n)
             path.append((R, v, p))
         R_nb, v_n, p_n = (np.array(x) for x in zip(*path, strict=True))
-        for tape, rows in zip(self._tapes[:4], (R_nb, v_n, p_n, np.zeros(count)), strict=True):
-            tape.cut(n + 1)
-            tape.append(rows)
+        for base, rows in zip(self._bases[:4], (R_nb, v_n, p_n, np.zeros(count)), strict=True):
+            base.cut(n + 1)
+            base.append(rows)
         more = len(self._c) - self.log.segments(n, n).stop
         return Estimate(
             np.concatenate([known.R_nb, R_nb]),

@@ -85,7 +85,7 @@ class Smoother:
         self._heard = Sensors(CausalStandstill(gyro_bias_sd(vehicle)))
         self._aiding = Aiding(self._expects)
         self.graph: IncrementalGraph | None = None
-        self._beginning = Initialisation(
+        self._initialisation = Initialisation(
             vehicle, table, self._heard, self._aiding, self._expects, interval
         )
         self._states = CausalStates(vehicle)
@@ -169,7 +169,7 @@ class Smoother:
         if len(self._heard.inertial):
             self._advance(len(self._heard.inertial), perf_counter(), last=True)
         if self.graph is None:
-            raise self._beginning.why or InputError("no inertial samples, or too few to align")
+            raise self._initialisation.why or InputError("no inertial samples, or too few to align")
         edge = self._heard.inertial.edge.rows
         if edge[-1] - self.graph.log.time.rows[-1] > room_of(self._interval):
             self._nodes([len(edge) - 1], perf_counter())
@@ -245,21 +245,21 @@ class Smoother:
 
     def _begin(self, ready: int, last: bool) -> None:
         """Start the graph when the alignment is done."""
-        setup = self._beginning.attempt(ready, last)
+        setup = self._initialisation.attempt(ready, last)
         if setup is not None:
             self._started(setup)
 
     def _begin_again(self, ready: int) -> None:
         """Build the graph anew where fixes have shown that it began in a wrong direction."""
         assert self.graph is not None
-        setup = self._beginning.contradicted(self.graph.log.setup.alignment, ready)
+        setup = self._initialisation.contradicted(self.graph.log.setup.alignment, ready)
         if setup is not None:
             self._aiding.rewind()
             self._states = CausalStates(self.vehicle)
             self._started(setup)
 
     def _started(self, setup: Setup) -> None:
-        self._aligned = self._beginning.aligned
+        self._aligned = self._initialisation.aligned
         self._heard.standstill.reckoned.align(setup)
         log = NodeLog(setup, self._heard, self._aiding)
         self.graph = IncrementalGraph(log, self._lag, self._states.every_s)
@@ -272,9 +272,9 @@ class Smoother:
         graph.log.rocking = self._rocking.until(edges[0], self._heard, graph.log.setup.noise)
         window = graph.window()
         self._states.follow(graph, window)
-        growing = graph.grow(edges, self._states.now, window)
+        entered = graph.grow(edges, self._states.now, window)
         found = list[tuple[CausalEstimate, list[CausalEstimate]]]()
-        for node, t in zip(growing, times, strict=True):
+        for node, t in zip(entered, times, strict=True):
             newest = self._known(node)
             found.append((newest, [newest] if self._lag is None else self._leaving(float(t))))
         latency = (perf_counter() - due) / len(edges)  # they are linearised together
