@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 from runs import VEHICLE, driven, saved
 
+from graphnav.common.errors import InputError
 from graphnav.common.run import Run
 from graphnav.reading.read import read_run
 from graphnav.reading.truth import read_truth
@@ -240,3 +241,11 @@ def test_a_dirty_truth_is_read_too(tmp_path: Path) -> None:
     pd.testing.assert_frame_equal(
         read_truth(path).astype({"state": object}), truth.astype({"state": object})
     )
+
+
+def test_a_number_among_iso_times_is_a_damaged_line(tmp_path: Path) -> None:
+    path = tmp_path / "truth.csv"
+    rows = [f"2024-05-01T12:00:{k % 60:02d}.{k // 60}00Z,45,10,1.5" for k in range(60)]
+    path.write_text("\n".join(["time,lat,lon,height", "1037,45,10,1.5", *rows * 1]))
+    with pytest.raises(InputError, match="line 2: time is '1037'"):
+        read_truth(path)

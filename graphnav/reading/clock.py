@@ -31,7 +31,8 @@ def times_of(words: pa.Array) -> tuple[Array, Mask, str] | None:
         zone = (
             "as they say" if _share(words, r".*(Z|UTC|[+-]\d{2}:?\d{2})") > 0.5 else "taken as UTC"
         )
-        moments = pd.to_datetime(series, format="ISO8601", utc=True, errors="coerce")
+        dated = series.where(series.str.fullmatch(DATED))  # of a bare year pandas makes a date too
+        moments = pd.to_datetime(dated, format="ISO8601", utc=True, errors="coerce")
         since = (moments - pd.Timestamp(0, tz="UTC")).dt
         told = f"times are ISO 8601, {zone}: read as seconds since 1970"
     elif _share(words, OF_DAY) > 0.5:
