@@ -22,7 +22,10 @@ OTHER_BLANKS = (
 ENDLESS = re.compile(r"[+-]?\.?inf(inity)?|-?1\.#inf", re.IGNORECASE)
 NUMBER = r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?"
 # dates begin with a year in which there were recorders; a clock alone is a time of day
-DATED = r"(?:19|20)\d{2}[-/]?\d{2}[-/]?\d{2}[T ]\s*\d{2}:?\d{2}(:?\d{2}([.,]\d+)?)?\s*(Z|UTC|[+-]\d{2}:?\d{2})?"
+DATED = (
+    r"(?:19|20)\d{2}[-/]?\d{2}[-/]?\d{2}[T ]\s*\d{2}:?\d{2}(:?\d{2}([.,]\d+)?)?"
+    r"\s*(Z|UTC|[+-]\d{2}:?\d{2})?"
+)
 OF_DAY = r"\d{1,2}:\d{2}:\d{2}([.,]\d+)?"
 _NUMBER, _TIME = re.compile(NUMBER), re.compile(f"{DATED}|{OF_DAY}")
 
