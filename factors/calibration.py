@@ -125,14 +125,34 @@ class Layout:
         return self.column(name) if name in self.slices else None
 
 
-def prior(layout: Layout, calibration: Array) -> Block:
-    """The first segment at its prior: `(c_0 - prior) / sd`, `dim` rows."""
-    d = layout.dim
-    residual = (calibration[:1] - layout.prior) / layout.prior_sd
-    jacobian = np.diag(1 / layout.prior_sd)[None]
-    axes = tuple(str(k) for k in range(d))
+def prior(layout: Layout, calibration: Array, heavy: tuple[str, ...] = ()) -> list[Block]:
+    """The first segment at its prior: `(c_0 - prior) / sd`.
+
+    The components named in `heavy` form a block of their own that is marked robust: what a user
+    states is right to its sigma, or it is another thing altogether.
+    """
+    rest, tail = _apart(layout, heavy)
+    blocks = [_prior(kinds.CALIBRATION_PRIOR, layout, calibration, rest, False)]
+    if len(tail):
+        blocks.append(_prior(kinds.STATED, layout, calibration, tail, True))
+    return blocks
+
+
+def _prior(kind: str, layout: Layout, calibration: Array, rows: Index, robust: bool) -> Block:
+    """Prior of some components (r,) as one block."""
+    sd = layout.prior_sd[rows]
+    residual = (calibration[:1, rows] - layout.prior[rows]) / sd
+    jacobian = (np.eye(layout.dim)[rows] / sd[:, None])[None]
     term = Term("c", np.zeros(1, np.int64), jacobian)
-    return Block(kinds.CALIBRATION_PRIOR, axes, np.zeros(1), residual, (term,))
+    axes = tuple(str(k) for k in rows)
+    return Block(kind, axes, np.zeros(1), residual, (term,), robust=robust)
+
+
+def _apart(layout: Layout, heavy: tuple[str, ...]) -> tuple[Index, Index]:
+    """Columns of the components that are not named, and of those that are."""
+    chosen = [np.arange(s.start, s.stop) for name, s in layout.slices.items() if name in heavy]
+    tail = np.concatenate(chosen) if chosen else np.zeros(0, np.int64)
+    return np.setdiff1d(np.arange(layout.dim), tail), tail
 
 
 def walk(layout: Layout, calibration: Array, time: Array, heavy: tuple[str, ...]) -> list[Block]:
@@ -144,9 +164,7 @@ def walk(layout: Layout, calibration: Array, time: Array, heavy: tuple[str, ...]
     `heavy` form a block of their own that is marked robust: a heavy-tailed step lets a puncture be
     a step of the scale factor instead of a smear.
     """
-    chosen = [np.arange(s.start, s.stop) for name, s in layout.slices.items() if name in heavy]
-    tail = np.concatenate(chosen) if chosen else np.zeros(0, np.int64)
-    rest = np.setdiff1d(np.arange(layout.dim), tail)
+    rest, tail = _apart(layout, heavy)
     blocks = [_walk(kinds.CALIBRATION_WALK, layout, calibration, time, rest, False)]
     if len(tail):
         blocks.append(_walk(kinds.SCALE_WALK, layout, calibration, time, tail, True))

@@ -13,6 +13,7 @@ GNSS: Final = "gnss"
 HEADING: Final = "heading"
 START_HEADING: Final = "start_heading"
 CALIBRATION_PRIOR: Final = "calibration_prior"
+STATED: Final = "stated"
 CALIBRATION_WALK: Final = "calibration_walk"
 SCALE_WALK: Final = "scale_walk"
 

@@ -22,7 +22,11 @@ def test_calibration_chain() -> None:
     assert layout.column("scale") == 3 and layout.find("delay") is None
     x = random_estimate(rng, 2, 3, layout.dim)
     time = np.array([5.0, 15.0, 25.0])
-    assert_jacobian(lambda e: calibration_prior(layout, e.calibration), x)
+    assert_jacobian(lambda e: calibration_prior(layout, e.calibration)[0], x)
+    known = calibration_prior(layout, x.calibration, ("lever",))
+    assert [(b.kind, b.robust) for b in known] == [("calibration_prior", False), ("stated", True)]
+    for k in range(2):
+        assert_jacobian(lambda e, k=k: calibration_prior(layout, e.calibration, ("lever",))[k], x)
     blocks = walk(layout, x.calibration, time, ("scale",))
     assert [b.kind for b in blocks] == ["calibration_walk", "scale_walk"]
     for k, block in enumerate(blocks):
@@ -32,7 +36,9 @@ def test_calibration_chain() -> None:
     np.testing.assert_array_equal(layout.walk[:4], [0.01, 0.01, 0.01, 1e-3])
     assert (layout.walk[4:6] * np.sqrt(86400) < 1e-3 * layout.prior_sd[4:6]).all()
     still = Estimate(x.R_nb, x.v_n, x.p_n, x.phase, np.tile(layout.prior, (3, 1)))
-    assert np.abs(calibration_prior(layout, still.calibration).residual).max() == 0
+    assert not any(
+        b.residual.any() for b in calibration_prior(layout, still.calibration, ("lever",))
+    )
     assert all(np.abs(b.residual).max() == 0 for b in walk(layout, still.calibration, time, ()))
     faded = still.calibration.copy()
     faded[:, 6:] += 0.8 * np.exp(-(time - time[0]) / 30.0)[:, None]  # as a process forgets
@@ -44,6 +50,6 @@ def test_a_process_with_memory_keeps_its_deviation() -> None:
     layout = Layout((Component("gnss_offset", np.zeros(1), np.full(1, 0.5), memory=30.0),))
     c, time = np.zeros((40, 1)), np.linspace(5.0, 395.0, 40)
     x = Estimate(np.eye(3)[None], np.zeros((1, 3)), np.zeros((1, 3)), np.zeros(1), c)
-    blocks = [calibration_prior(layout, c), *walk(layout, c, time, ())]
+    blocks = [*calibration_prior(layout, c), *walk(layout, c, time, ())]
     J = np.concatenate([dense_jacobian(b, x)[:, 10:] for b in blocks])
     np.testing.assert_allclose(np.diag(np.linalg.inv(J.T @ J)), 0.25, rtol=1e-9)

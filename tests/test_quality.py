@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 from smoothing import QUICK, changed, command, summary
 
-from graphnav.batch import causes, doubts, fix_doubts
+from graphnav.batch import causes, doubts, fix_doubts, noise_doubts
 from graphnav.batch.hypotheses import hypotheses
 from graphnav.batch.judgement import judge
 from graphnav.common.remark import Remark
@@ -88,14 +88,14 @@ def test_a_healthy_run_is_good(solved: Solved) -> None:
 def test_what_was_doubted_grades(
     solved: Solved, kind: str, share: float, grade: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle: None)
+    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle, work: [])
     assert grade_of(doubting(solved, kind, share)) == grade
 
 
 def test_fixes_that_scatter_about_the_path_do_not_reject_it(
     solved: Solved, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle: None)
+    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle, work: [])
     assert grade_of(doubting(solved, "gnss", 0.9, away=0.0)) == "doubtful"
     assert grade_of(doubting(solved, "displacement", 0.9, away=0.0)) == "doubtful"
     gnss = solved.run.gnss
@@ -103,6 +103,17 @@ def test_fixes_that_scatter_about_the_path_do_not_reject_it(
     bold = replace(solved, run=replace(solved.run, gnss=replace(gnss, sd_enu=gnss.sd_enu / 30)))
     [remark] = fix_doubts.of_fix_deviations(bold)
     assert "scatter" in remark.why and "gnss_sd_e" in remark.remedy
+
+
+def test_multipath_between_good_fixes_is_a_disturbance() -> None:
+    time, doubted = np.arange(100.0), np.zeros(100, bool)
+    doubted[[3, 20, 21, 22, 23, 24]] = True
+    doubted[40:75] = doubted[97:] = True
+    # single ones, one of 34 s and one that goes on to the end may be the path's own fault
+    expected = np.zeros(100, bool)
+    expected[20:25] = True
+    np.testing.assert_array_equal(doubts.disturbed(time, doubted, 30.0), expected)
+    assert not doubts.disturbed(time, doubted, 0.0).any()
 
 
 def test_a_start_of_another_day_is_told(solved: Solved) -> None:
@@ -146,7 +157,7 @@ def test_a_rejected_result_is_written_and_marked(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle: None)  # tried elsewhere
+    monkeypatch.setattr(causes, "likeliest", lambda run, vehicle, work: [])  # tried elsewhere
 
     def backwards(table: pd.DataFrame) -> pd.DataFrame:
         """The fixes of a drive the other way round."""
@@ -187,30 +198,37 @@ def test_how_an_imu_lies_is_felt_in_bends(
     assert why in first.why(solved) and remedy in first.remedy(solved)
 
 
-def test_a_cause_is_tried_before_it_is_named(solved: Solved) -> None:
+def test_a_cause_is_tried_before_it_is_named(
+    solved: Solved, monkeypatch: pytest.MonkeyPatch
+) -> None:
     odometer = solved.run.odometer
     assert odometer is not None
     km_h = replace(odometer, distance=3.6 * odometer.distance, speed=3.6 * odometer.speed)
-    found = causes.likeliest(replace(solved.run, odometer=km_h), solved.vehicle)
-    assert found is not None and "km/h" in found.why
+    run, allowed = replace(solved.run, odometer=km_h), 10**9
+    [found] = causes.likeliest(run, solved.vehicle, allowed)
+    assert "km/h" in found.why
+    # trials take no longer than what is allowed, and that is told
+    monkeypatch.setattr(causes, "FREE", 0)
+    [stopped] = causes.likeliest(run, solved.vehicle, 1)
+    assert "0 of" in stopped.why and stopped.level == 0
 
 
 def test_a_healthy_run_has_no_cause(solved: Solved) -> None:
-    assert causes.likeliest(solved.run, solved.vehicle) is None
+    assert causes.likeliest(solved.run, solved.vehicle, 10**9) == []
 
 
 def test_the_imus_noise_is_told_where_its_residuals_show_it(solved: Solved) -> None:
     told = solved.solver["imu_noise"]
     assert set(told) == {"standing", "driving"}
     assert told["driving"]["accel_mg_sqrt_hz"] == pytest.approx([0.2] * 3, rel=1.0)
-    assert not doubts.of_inertial_noise(solved)
+    assert not noise_doubts.of_inertial_noise(solved)
     sheet = solved.vehicle.imu.gyro_noise_deg_sqrt_h
     loud = told | {"driving": told["driving"] | {"gyro_deg_sqrt_h": [sheet, sheet, 40 * sheet]}}
     shaken = replace(solved, solver=solved.solver | {"imu_noise": loud})
-    [remark] = doubts.of_inertial_noise(shaken)
+    [remark] = noise_doubts.of_inertial_noise(shaken)
     assert "gyros are 40 times as noisy while driving" in remark.why and remark.level == 0
     blocks = [replace(b, residual=0 * b.residual) for b in solved.blocks]
-    assert not doubts.of_inertial_noise(replace(shaken, blocks=blocks))
+    assert not noise_doubts.of_inertial_noise(replace(shaken, blocks=blocks))
 
 
 def test_a_vehicle_carried_as_it_stands_is_told(solved: Solved) -> None:

@@ -1,18 +1,18 @@
 """`graphnav smooth` as users call it, and what it wrote."""
 
 import json
-import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import forked
 import numpy as np
 import pandas as pd
 
 from graphnav.common.earth import Origin
 
+PATIENCE_S = 600.0
 REJECTED = 3  # exit status of a result that is written and not to be relied on
 
 
@@ -40,11 +40,11 @@ def smoothed(run: Path, vehicle: Path, *options: str) -> Result:
     with tempfile.TemporaryDirectory() as scratch:
         out = Path(scratch) / "result"
         words = ["smooth", run, "--vehicle", vehicle, "--out", out, "--no-rrd", *options]
-        command = [sys.executable, "-m", "graphnav", *map(str, words)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode not in (0, REJECTED):
-            last = done.stderr.strip().splitlines()[-1:] or ["nothing said"]
-            raise NoResult(f"exit {done.returncode}: {last[0]}")
+        forked.warm()
+        done = forked.start(list(map(str, words))).ended(PATIENCE_S)
+        if done.status not in (0, REJECTED):
+            last = done.error.strip().splitlines()[-1:] or ["nothing said"]
+            raise NoResult(f"exit {done.status}: {last[0]}")
         causal = out / "trajectory_causal.parquet"
         return Result(
             pd.read_parquet(out / "trajectory.parquet"),

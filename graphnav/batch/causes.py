@@ -1,6 +1,6 @@
 """The likeliest cause is tried before it is named: the run is solved again as if it were undone."""
 
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from graphnav.batch import doubts
 from graphnav.batch.finish import finish
 from graphnav.batch.hypotheses import hypotheses
+from graphnav.batch.noise_doubts import WORSE, noise_found
 from graphnav.batch.smoother import smooth_batch
 from graphnav.common.errors import GraphnavError
 from graphnav.common.remark import Remark
@@ -19,53 +20,86 @@ from graphnav.result.solved import Solved
 
 PIECE_S = 300.0  # of driving that shows a mistake
 INTERVAL_S = 2.0  # between nodes: coarse is enough
+ROUNDS = 5  # of a trial
+# node solves: a trial goes on while all before took less than the solution itself, or than this
+FREE = 60_000
 # doubt left that is a healthy run's, or so little of what there was that the cause must be the one
 CURED, SHARE_LEFT = 0.12, 0.25
 EXCUSED = 3.0  # sigma of a calibration
 PER_SIGMA, MOST_SIGMA = 0.01, 0.3  # of doubt, by calibration
-CONTRADICTION = 0.3  # of doubt, by finding of how vehicles drive and remark on the start
+CONTRADICTION = 0.3  # of doubt, by finding of how vehicles drive and remark that grades
+PER_DECADE = 0.1  # of doubt, by which an IMU is noisier than it may be
 UNSOLVED = 3.0  # of doubt
 
 
-def likeliest(run: Run, vehicle: Vehicle) -> Remark | None:
-    """The mistake that, undone, takes the doubt away; None when none does.
+def likeliest(run: Run, vehicle: Vehicle, work: int) -> list[Remark]:
+    """The mistake that, undone, takes the doubt away, at level 1: it is told, and grades at least
+    doubtful; none where none does. That not all could be tried is a remark, too.
 
-    `run` with the fixes in use only. Level 1: it is told, and grades at least doubtful.
+    `run` with the fixes in use only, `work` node solves that the solution took.
     """
     piece = _cut(run, _driving(run) + PIECE_S)
-    _, before = _tried(piece, vehicle)
-    best, left = None, SHARE_LEFT * before
-    if before < CURED:  # the piece is healthy: nothing to find out on it
-        return None
-    for hypothesis in hypotheses(piece, vehicle):
-        solved, doubt = _tried(*hypothesis.undo(piece, vehicle))
-        if solved is not None and doubt < left:
-            best, left = Remark(hypothesis.why(solved), hypothesis.remedy(solved), level=1), doubt
+    before = _tried(piece, vehicle)
+    if before.doubt < CURED:  # the piece is healthy: nothing to find out on it
+        return []
+    best, left = list[Remark](), SHARE_LEFT * before.doubt
+    spent, allowed = before.work, max(work, FREE)
+    mistakes = hypotheses(piece, vehicle)
+    for k, mistake in enumerate(mistakes):
+        if spent > allowed:
+            return [*best, _stopped(k, len(mistakes))]
+        trial = _tried(*mistake.undo(piece, vehicle))
+        spent += trial.work
+        if trial.solved is not None and trial.doubt < left:
+            why, cure = mistake.why(trial.solved), mistake.remedy(trial.solved)
+            best, left = [Remark(why, cure, level=1)], trial.doubt
         if left < CURED:
             break
     return best
 
 
+def _stopped(tried: int, of: int) -> Remark:
+    return Remark(
+        f"{tried} of {of} causes were tried, as long as the run itself took: the others were not"
+    )
+
+
 def doubt(solved: Solved) -> float:
-    """How much of a solution is doubted: shares of rows, calibrations against their priors, how
-    vehicles drive, and what the start contradicts; 0 for none."""
+    """How much of a solution is doubted: shares of rows, calibrations against their priors, the
+    IMU's noise, how vehicles drive, and what the start contradicts; 0 for none."""
     shares = [doubts.rows_doubted(solved, kind, k.axes)[1] for kind, k in doubts.KINDS.items()]
     rows = sum(float(share.mean()) for share in shares if len(share))
     sigmas = [s for c in solved.calibrated if c.name in doubts.CALIBRATIONS
               for s in doubts.sigmas_off(c)]  # fmt: skip
     excess = PER_SIGMA * np.maximum(np.array(sigmas) - EXCUSED, 0.0)
-    odd = CONTRADICTION * (len(driving_findings(solved.run, solved.vehicle)) + len(solved.remarks))
-    return rows + float(np.minimum(excess, MOST_SIGMA).sum()) + odd
+    findings = len(driving_findings(solved.run, solved.vehicle))
+    odd = CONTRADICTION * (findings + sum(remark.level > 0 for remark in solved.remarks))
+    noisy = [max(times / WORSE, 1.0) for _, _, times in noise_found(solved)]
+    noise = float(np.log10(noisy).sum())
+    return rows + float(np.minimum(excess, MOST_SIGMA).sum()) + odd + PER_DECADE * noise
 
 
-def _tried(run: Run, vehicle: Vehicle) -> tuple[Solved | None, float]:
-    """A coarse solution and how much of it is doubted; None and `UNSOLVED` where there is none."""
+@dataclass(frozen=True)
+class _Trial:
+    """A coarse solution (None where there is none), how much of it is doubted, its node solves."""
+
+    solved: Solved | None
+    doubt: float
+    work: int
+
+
+def _tried(run: Run, vehicle: Vehicle) -> _Trial:
     try:
         prep = prepare(run, vehicle, use_gnss=True, outages=(), interval=INTERVAL_S)
-        solved = finish(smooth_batch(prep), run)
-        return solved, doubt(solved)
+        solved = finish(smooth_batch(prep, most=ROUNDS), run)
+        return _Trial(solved, doubt(solved), work_of(solved))
     except GraphnavError:
-        return None, UNSOLVED
+        return _Trial(None, UNSOLVED, int((run.end or 0.0) / INTERVAL_S) * ROUNDS)
+
+
+def work_of(solved: Solved) -> int:
+    """Node solves of a solution."""
+    return int(solved.solver["nodes"]) * int(solved.solver["iterations"])
 
 
 def _driving(run: Run) -> float:

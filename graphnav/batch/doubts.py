@@ -21,8 +21,6 @@ FEW = 8  # factors of a kind that can be judged at all
 # Healthy runs, simulated and recorded, doubt up to 6 % of their fixes and 4 % of their odometer
 SURPRISING = 5.0  # sigma of a calibration
 STATED = 2.5  # sigma of a stated heading
-WORSE = 4.0  # times its stated noise that an IMU is told to be
-SHOWN = 10.0  # intervals' worth of residuals that tell a noise
 FASTEST, STRONGEST = 100.0, 15.0  # m/s, m/s^2 over a second: no land vehicle
 CLIMBING = 1.0  # tangent of a slope kept up for a second
 
@@ -37,10 +35,12 @@ class Limits:
     rejected: float
     name: str
     rows: str
+    disturbed_s: float = 0.0  # what doubts between believed rows may last and be a disturbance
 
 
 KINDS = {
-    kinds.GNSS: Limits(("east", "north"), 0.15, 0.4, "the fixes contradict", "fixes"),
+    # multipath sets fixes aside for seconds; odometer and IMU hold the path meanwhile
+    kinds.GNSS: Limits(("east", "north"), 0.15, 0.4, "the fixes contradict", "fixes", 30.0),
     kinds.DISPLACEMENT: Limits((), 0.12, 0.5, "the odometer contradicts", "odometer intervals"),
     kinds.VELOCITY: Limits((), 0.12, 0.5, "the odometer contradicts", "odometer intervals"),
     kinds.WHEEL_DISPLACEMENT: Limits((), 0.25, 0.6, "the wheels contradict", "wheel intervals"),
@@ -111,7 +111,8 @@ def of_factors(solved: Solved) -> list[Remark]:
     for kind, limits in KINDS.items():
         time, doubted = rows_doubted(solved, kind, limits.axes)
         share = float(doubted.mean()) if len(doubted) >= FEW else 0.0
-        if share > limits.doubtful:
+        lasting = doubted & ~disturbed(time, doubted, limits.disturbed_s)
+        if share > limits.rejected or (len(doubted) >= FEW and lasting.mean() > limits.doubtful):
             start, end = longest(time, doubted)
             away = share > limits.rejected and not scattered(solved, kind, limits.axes)
             clock = solved.run.clock_start
@@ -164,6 +165,16 @@ def spans(time: Array, mask: NDArray[np.bool_], least: int = 3) -> list[tuple[fl
     edge = np.flatnonzero(np.diff(np.concatenate([[0], mask.astype(np.int8), [0]])))
     pairs = zip(edge[::2], edge[1::2], strict=True)
     return [(float(time[a]), float(time[b - 1])) for a, b in pairs if b - a >= least]
+
+
+def disturbed(time: Array, doubted: NDArray[np.bool_], most_s: float) -> NDArray[np.bool_]:
+    """Which of the doubted rows (n,) stand in spells, not single, between rows that are believed,
+    no longer than `most_s`."""
+    out = np.zeros(len(time), bool)
+    for start, end in spans(time, doubted):
+        if end - start <= most_s and start > time[0] and end < time[-1]:
+            out |= (time >= start) & (time <= end)
+    return out & doubted
 
 
 def longest(time: Array, mask: NDArray[np.bool_]) -> tuple[float, float]:
@@ -219,40 +230,6 @@ def of_start(solved: Solved) -> list[Remark]:
                 )
             )
     return said
-
-
-def of_inertial_noise(solved: Solved) -> list[Remark]:
-    """An IMU whose noise was found far above what is stated, where its residuals show it."""
-    found, spec = solved.solver.get("imu_noise", {}), solved.vehicle.imu
-    said = []
-    for block, weight in of_kind(solved, kinds.INERTIAL):
-        for unit, sensor, rows, stated in (
-            ("gyro_deg_sqrt_h", "gyros are", slice(0, 3), spec.gyro_noise_deg_sqrt_h),
-            ("accel_mg_sqrt_hz", "accelerometers are", slice(3, 6), spec.accel_noise_mg_sqrt_hz),
-        ):
-            kept = np.minimum(weight * block.residual**2, 1.0)[:, rows]
-            times = {}
-            for state, on in _by_motion(solved, block.time).items():
-                shown = (kept[on].sum(axis=0) > SHOWN) & np.array(solved.run.sensed)[rows]
-                level = np.array(found.get(state, {}).get(unit, np.zeros(3)))
-                times[state] = float(np.max(level * shown)) / stated
-            state = max(times, key=times.__getitem__)
-            if times[state] > WORSE:
-                said.append(
-                    Remark(
-                        f"the {sensor} {times[state]:.0f} times as noisy while {state} as their "
-                        "grade or data sheet says",
-                        "state [imu] grade or its noise as it is when driving",
-                    )
-                )
-    return said
-
-
-def _by_motion(solved: Solved, time: Array) -> dict[str, NDArray[np.bool_]]:
-    """Which of some intervals, by their end times (n,) s, ended standing and which driving."""
-    start, end = solved.rests[:, :1], solved.rests[:, 1:]
-    rests = np.asarray(np.any((time > start) & (time <= end + 1e-6), axis=0))
-    return {"standing": rests, "driving": ~rests}
 
 
 def of_motion(columns: dict[str, Array]) -> list[Remark]:

@@ -12,6 +12,7 @@ from graphnav.result.solved import Solved
 MISCLAIMED = 5.0  # times the claimed deviation
 AWAY_M = 20.0  # of [start] from where the fixes put the start; less may be an antenna or a datum
 SPANS_TOLD = 6
+NEAR_BY = "check [gnss] lever_arm, the fixes' datum, and [start] lat and lon or position_sd_m"
 HORIZONTAL = ("east", "north")
 
 
@@ -59,7 +60,8 @@ def of_unused_fixes(solved: Solved, columns: dict[str, Array]) -> list[Remark]:
 
 
 def of_stated_position(solved: Solved, columns: dict[str, Array]) -> list[Remark]:
-    """[start] far from where fixes put the start, where that was not found beforehand."""
+    """[start] far from where fixes put the start, where that was not found beforehand; nearer, it
+    may be the antenna or the datum that is stated wrong."""
     if any(remark.remedy == ANOTHER_PLACE for remark in solved.remarks):
         return []
     at = solved.vehicle.start
@@ -68,10 +70,10 @@ def of_stated_position(solved: Solved, columns: dict[str, Array]) -> list[Remark
     stated = solved.origin.local(np.deg2rad(at.lat), np.deg2rad(at.lon), np.asarray(0.0))
     off = float(np.hypot(stated[0] - columns["e"][0], stated[1] - columns["n"][0]))
     sd = float(np.hypot(np.hypot(columns["sd_e"][0], columns["sd_n"][0]), at.position_sd_m))
-    if off < max(AWAY_M, SURPRISING * sd):
+    if off < SURPRISING * sd:
         return []
     why = f"[start] is {distance(off)} from where the fixes put the start"
-    return [Remark(why, ANOTHER_PLACE, level=1)]
+    return [Remark(why, *((ANOTHER_PLACE, 1) if off > AWAY_M else (NEAR_BY, 0)))]
 
 
 def of_carried(solved: Solved) -> list[Remark]:

@@ -10,6 +10,7 @@ from graphnav.batch.hypothesis import Hypothesis, Undone, said
 from graphnav.common.angles import angles_of_rotation
 from graphnav.common.run import Array, Gnss, Run
 from graphnav.inertial.alignment import ANOTHER_PLACE
+from graphnav.reading.plausibility import FAR_M, away_m
 from graphnav.reading.vehicle import Vehicle
 from graphnav.result.solved import Solved
 
@@ -62,38 +63,59 @@ def _heading(solved: Solved) -> float:
     return float(np.rad2deg(angles_of_rotation(solved.path.R_nb[0])[2]))
 
 
-def of_fixes(run: Run) -> list[Hypothesis]:
-    """Signs and order of the fixes' coordinates."""
-
-    def with_fixes(change: Callable[[Gnss], Gnss]) -> Callable[[Run, Vehicle], Undone]:
-        def undo(run: Run, vehicle: Vehicle) -> Undone:
-            assert run.gnss is not None
-            return replace(run, gnss=change(run.gnss)), _unplaced(vehicle)
-
-        return undo
-
-    found = [
-        Hypothesis(with_fixes(lambda g: replace(g, lon_deg=-g.lon_deg)),
-                   said("the longitude of the fixes has lost its sign (west is negative)"),
-                   said("longitude without its sign? give gnss_lon its sign")),
-        Hypothesis(with_fixes(lambda g: replace(g, lat_deg=-g.lat_deg)),
-                   said("the latitude of the fixes has lost its sign (south is negative)"),
-                   said("latitude without its sign? give gnss_lat its sign")),
-    ]  # fmt: skip
+def of_fixes(run: Run, vehicle: Vehicle) -> tuple[list[Hypothesis], list[Hypothesis]]:
+    """Signs, order and unit of the fixes' coordinates: the changes that bring fixes from far away
+    to [start], and the others."""
     assert run.gnss is not None
-    minutes = with_fixes(
-        lambda g: replace(g, lat_deg=_of_minutes(g.lat_deg), lon_deg=_of_minutes(g.lon_deg))
-    )
-    why = said("the fixes' decimals are minutes: ddmm.mmmm taken for degrees")
-    cure = said("gnss_lat, gnss_lon in degrees: dd + mm.mmmm / 60")
-    found.append(Hypothesis(minutes, why, cure))
-    if np.all(np.abs(run.gnss.lon_deg) < 90):
-        swapped = with_fixes(lambda g: replace(g, lat_deg=g.lon_deg, lon_deg=g.lat_deg))
-        why = said("latitude and longitude of the fixes are exchanged")
+    here: list[Hypothesis] = []
+    others: list[Hypothesis] = []
+    far = _far(run.gnss, vehicle)
+    for change, why, cure in _changes(run.gnss):
+        nearer = far and not _far(change(run.gnss), vehicle)
+        (here if nearer else others).append(_with_fixes(change, why, cure))
+    return here, others
+
+
+Change = Callable[[Gnss], Gnss]
+
+
+def _changes(gnss: Gnss) -> list[tuple[Change, str, str]]:
+    """What may have happened to the coordinates, undone; and words for it."""
+    found: list[tuple[Change, str, str]] = [
+        (lambda g: replace(g, lon_deg=-g.lon_deg),
+         "the longitude of the fixes has lost its sign (west is negative)",
+         "longitude without its sign? give gnss_lon its sign"),
+        (lambda g: replace(g, lat_deg=-g.lat_deg),
+         "the latitude of the fixes has lost its sign (south is negative)",
+         "latitude without its sign? give gnss_lat its sign"),
+        (lambda g: replace(g, lat_deg=_of_minutes(g.lat_deg), lon_deg=_of_minutes(g.lon_deg)),
+         "the fixes' decimals are minutes: ddmm.mmmm taken for degrees",
+         "gnss_lat, gnss_lon in degrees: dd + mm.mmmm / 60"),
+    ]  # fmt: skip
+    if np.all(np.abs(gnss.lon_deg) < 90):
         found.append(
-            Hypothesis(swapped, why, said("exchange gnss_lat and gnss_lon under [columns]"))
-        )
+            (lambda g: replace(g, lat_deg=g.lon_deg, lon_deg=g.lat_deg),
+             "latitude and longitude of the fixes are exchanged",
+             "exchange gnss_lat and gnss_lon under [columns]")
+        )  # fmt: skip
     return found
+
+
+def _with_fixes(change: Change, why: str, cure: str) -> Hypothesis:
+    def undo(run: Run, vehicle: Vehicle) -> Undone:
+        assert run.gnss is not None
+        return replace(run, gnss=change(run.gnss)), _unplaced(vehicle)
+
+    return Hypothesis(undo, said(why), said(cure))
+
+
+def _far(gnss: Gnss, vehicle: Vehicle) -> bool:
+    """Whether the fixes lie far from a stated start."""
+    at = vehicle.start
+    if at.lat is None or at.lon is None:
+        return False
+    lat, lon = np.median([gnss.lat_deg, gnss.lon_deg], axis=1)
+    return away_m(at.lat, at.lon, lat, lon) > FAR_M
 
 
 def _of_minutes(deg: Array) -> Array:

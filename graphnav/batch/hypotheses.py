@@ -34,7 +34,8 @@ def hypotheses(run: Run, vehicle: Vehicle) -> list[Hypothesis]:
     if run.imu is not None and run.odometer is not None:
         found += _gyro_scale(run)
     if run.gnss is not None:
-        found = [*of_start(vehicle), *found, *of_fixes(run), *of_antenna(vehicle)]
+        elsewhere, others = of_fixes(run, vehicle)
+        found = [*elsewhere, *of_start(vehicle), *found, *others, *of_antenna(vehicle)]
     return found + _odometer(run, vehicle)
 
 

@@ -1,8 +1,10 @@
 """The result is judged before it is given: what the solver doubted, weighed and put in words."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from graphnav.batch import causes, doubts, fix_doubts
+from graphnav.batch import causes, doubts, fix_doubts, noise_doubts
 from graphnav.common.remark import Remark
 from graphnav.common.run import Array, Run
 from graphnav.reading.plausibility import driving_findings
@@ -14,29 +16,26 @@ def judge(solved: Solved, columns: dict[str, Array], used: Run) -> Quality:
     """The quality of a solved run; `columns` of its trajectory as `trajectory.table` makes them,
     `used` the run with the fixes in use only."""
     told = [
-        *solved.remarks,
-        *doubts.of_start(solved),
-        *doubts.of_calibrations(solved.calibrated),
-        *doubts.of_inertial_noise(solved),
-        *fix_doubts.of_fix_deviations(solved),
-        *fix_doubts.of_carried(solved),
-    ]
-    elsewhere = fix_doubts.of_stated_position(solved, columns)
-    contradictions = [
         *(Remark(said, level=1) for said in _driving(solved)),
         *doubts.of_factors(solved),
         *fix_doubts.of_unused_fixes(solved, columns),
         *doubts.of_motion(columns),
+        *fix_doubts.of_stated_position(solved, columns),
+        *solved.remarks,
+        *doubts.of_start(solved),
+        *doubts.of_calibrations(solved.calibrated),
+        *noise_doubts.of_inertial_noise(solved),
+        *fix_doubts.of_fix_deviations(solved),
+        *fix_doubts.of_carried(solved),
     ]
-    level = max([0, *(d.level for d in contradictions)])
+    level = max(remark.level for remark in [Remark(""), *told])
     if level and used.imu is not None and used.rover is None:
-        cause = causes.likeliest(used, solved.vehicle)
-        if cause is not None:
-            # of what the cause says already, no more
-            elsewhere = [remark for remark in elsewhere if remark.remedy != cause.remedy]
-            told = [remark for remark in told if remark.remedy != cause.remedy]
-            contradictions = [Remark(cause.why, cause.remedy, level=level), *contradictions]
-    return graded([*contradictions, *elsewhere, *told], *_spreads(columns))
+        found = causes.likeliest(used, solved.vehicle, causes.work_of(solved))
+        # of what the cause says already, no more
+        cures = [cause.remedy for cause in found if cause.remedy]
+        told = [remark for remark in told if remark.level > 1 or remark.remedy not in cures]
+        told = [*(replace(c, level=min(c.level, 1) * level) for c in found), *told]
+    return graded(told, *_spreads(columns))
 
 
 def _driving(solved: Solved) -> list[str]:

@@ -53,12 +53,13 @@ def smooth_batch(
     prep: Prepared,
     progress: Progress = unheard,
     robust: tuple[Weights, Weights] = (FIRST, FINAL),
+    most: int = MAX_ROUNDS,
 ) -> Smoothed:
     """Smooth a run; `progress` hears the name of each stage as it begins.
 
     `robust` holds the weight functions by factor kind of the first round and of the later ones:
     convex first, redescending once the trajectory is near (a graduated schedule). The rounds end
-    when motion states, noise and places have settled.
+    when motion states, noise and places have settled, or with the `most`-th.
     """
     progress("dead reckoning")
     nodes = _nodes(prep, np.zeros(0), prep.setup.interval)
@@ -69,8 +70,8 @@ def smooth_batch(
     scales: dict[str, float] = {}
     stands, last, iterations = False, False, 0
     before: Iterate | None = None
-    for round_ in range(1, MAX_ROUNDS + 1):
-        last = last or round_ == MAX_ROUNDS
+    for round_ in range(1, most + 1):
+        last = last or round_ == most
         interval = max(FIRST_INTERVAL_S if round_ == 1 else 0.0, prep.setup.interval)
         nodes_next = _nodes(prep, timeline.boundaries, interval)
         estimate = _moved(estimate, nodes, path, nodes_next)

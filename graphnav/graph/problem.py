@@ -6,7 +6,7 @@ import numpy as np
 
 from factors import kinds
 from factors.block import Block, Index
-from factors.calibration import SCALE, Layout, walk
+from factors.calibration import ANTENNA, LEVER, MOUNTING, SCALE, Layout, walk
 from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
 from factors.heading import Bearing, heading
@@ -24,9 +24,9 @@ from graphnav.graph.noise import Parts, Scales, States
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.round import Factor, Round
 from graphnav.graph.satellite_fixes import satellite_fixes
+from graphnav.inertial import heading_sources
 from graphnav.inertial.alignment import LOOSE_HEADING
 from graphnav.inertial.carried import HORIZONTAL, VERTICAL
-from graphnav.inertial.heading_sources import STATED
 from graphnav.inertial.quietness import Mask
 from graphnav.recognition.timeline import Timeline
 
@@ -35,6 +35,7 @@ STILL_ROTATION = 1e-9  # rad, at least
 FREE = 1e9  # times as unsure: nothing is said
 HEADING_REACH_S = 0.3  # a heading further from every node is left out
 HEADING_SD = np.deg2rad(1.0)
+STATED = (ANTENNA, LEVER, MOUNTING)  # by the user
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,7 @@ def _start(prep: Prepared, nodes: Nodes) -> Factor:
     """What is known of the first node; a stated heading as a factor that may be doubted."""
     known, t = prep.setup.alignment.start, float(nodes.time[0])
     spec, layout = prep.setup.vehicle.start, prep.setup.layout
-    if prep.setup.alignment.source != STATED or spec.heading_deg is None:
+    if prep.setup.alignment.source != heading_sources.STATED or spec.heading_deg is None:
         return lambda x: [initial_state(known, t, x)]
     sd = known.sd.copy()
     sd[2] = LOOSE_HEADING
@@ -110,7 +111,7 @@ def _start(prep: Prepared, nodes: Nodes) -> Factor:
 def _calibration(layout: Layout, nodes: Nodes) -> Factor:
     time = nodes.segment_time
     return lambda x: [
-        calibration_prior(layout, x.calibration),
+        *calibration_prior(layout, x.calibration, STATED),
         *(walk(layout, x.calibration, time, (SCALE,)) if len(time) > 1 else []),
     ]
 

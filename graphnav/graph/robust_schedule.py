@@ -13,6 +13,7 @@ FIRST = {
     kinds.HEADING: Robust("cauchy", 3.0),
     kinds.STANDSTILL: Robust("huber", 3.0),
     kinds.START_HEADING: Robust("cauchy", 3.0),
+    kinds.STATED: Robust("cauchy", 3.0),
 }
 FINAL = {
     kinds.DISPLACEMENT: Robust("igg3", 2.5, 8.0),
@@ -22,4 +23,5 @@ FINAL = {
     kinds.STANDSTILL: Robust("igg3", 2.5, 8.0),
     kinds.START_HEADING: Robust("igg3", 2.5, 8.0),
     kinds.SCALE_WALK: Robust("cauchy", 3.0),
+    kinds.STATED: Robust("cauchy", 3.0),
 }

@@ -190,10 +190,15 @@ def check_fixes(run: Run, vehicle: Vehicle) -> list[str]:
     at = vehicle.start
     if at.lat is None or at.lon is None:
         return []
-    away = float(np.linalg.norm(_from(at.lat, at.lon, lat, lon)))
+    away = away_m(at.lat, at.lon, lat, lon)
     if away < FAR_M:
         return []
     return [f"the fixes lie {away / 1000:.0f} km from [start]: is that another run's?"]
+
+
+def away_m(lat_0: float, lon_0: float, lat: float, lon: float) -> float:
+    """Distance [m] of one place, in degrees, from another."""
+    return float(np.linalg.norm(_from(lat_0, lon_0, lat, lon)))
 
 
 def check_odometer(run: Run, use_gnss: bool) -> None:

@@ -174,7 +174,7 @@ def _constraints(problem: RoverProblem) -> Factor:
         c = x.calibration
         return [
             initial_state(problem.start, t, x),
-            calibration_prior(layout, c),
+            *calibration_prior(layout, c),
             *rw.wander(layout, problem.wandering, c, path, nodes.segment_time),
             rw.bounded(SLIP_BOUNDS, layout, nodes.segment_time, x),
             rw.unused_phase(nodes.time, x),

@@ -220,7 +220,8 @@ class IncrementalGraph:
         """What ties the segment of the newest interval, if it is `new` or the first: one at `c`."""
         k, layout = len(self._c), self.log.setup.layout
         if self.last == 1:
-            return self._tied(calibration_prior(layout, c), 0)
+            (known,) = calibration_prior(layout, c)
+            return self._tied(known, 0)
         if not new:
             return []
         self._c.append(c)
