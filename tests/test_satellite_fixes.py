@@ -1,6 +1,7 @@
 """Fixes as they are: late, at rest, between nodes."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -44,6 +45,17 @@ def test_turns_alone_tell_a_long_delay(run: Run) -> None:
     assert run.imu is not None and run.gnss is not None
     late = replace(run.gnss, time=run.gnss.time + 18.0)
     assert found_delay(increments(run.imu), None, late) == pytest.approx(18.0, abs=1.0)
+
+
+def test_a_long_rest_makes_no_delay(tmp_path: Path) -> None:
+    """The odometer explains the fixes without a delay: turns alone, which fit 13 s by chance, are
+    not asked, however long the vehicle stood."""
+    out = tmp_path / "run"
+    simulate("field-tracked", out, 48, duration=400, gnss=True)
+    path = out / "run.csv.gz"
+    run = read_run(path, load_vehicle(None, path))
+    assert run.imu is not None and run.gnss is not None
+    assert found_delay(increments(run.imu), run.odometer, run.gnss) == 0.0
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -46,17 +46,19 @@ def found_delay(inc: Increments, odometer: Odometer | None, gnss: Gnss) -> float
 
 
 def _best(reckoned: "_Reckoned", way: Way, longest: float) -> float | None:
-    """The delay that explains the way between fixes best; None where it does not explain it, or
-    hardly better than none.
+    """The delay that explains the way between fixes best, 0 where it does hardly better than none;
+    None where no delay explains it.
     """
     tried = np.arange(-longest, longest + 0.5 * COARSE_S, COARSE_S)
     rough = float(tried[int(np.argmin([_misfit(way, reckoned.steps(d))[0] for d in tried]))])
     near = rough + np.arange(-COARSE_S, COARSE_S + 0.5 * FINE_S, FINE_S)
     fine = [_misfit(way, reckoned.steps(d)) for d in near]
     best = int(np.argmin([f[0] for f in fine]))
-    gained = _misfit(way, reckoned.steps(0.0))[0] - fine[best][0]
-    sure = gained > CONVINCING and fine[best][1] < 1 - EXPLAINED and abs(rough) < longest
-    return float(near[best]) if sure else None
+    cost, left = fine[best]
+    if left > 1 - EXPLAINED:
+        return None
+    gained = _misfit(way, reckoned.steps(0.0))[0] - cost
+    return float(near[best]) if gained > CONVINCING and abs(rough) < longest else 0.0
 
 
 class _Reckoned:
@@ -86,7 +88,9 @@ class _Reckoned:
 
 
 def _misfit(seen: Way, reckoned: Way) -> tuple[float, float]:
-    """Minus log-likelihood and the share of the squared way that stays unexplained."""
+    """Minus log-likelihood and the share of the squared way that stays unexplained, where the
+    reckoned way moves: at rest there is the fixes' noise alone, which nothing explains.
+    """
     whole = len(seen) // WINDOW * WINDOW
     D, E = (x[:whole].reshape(-1, WINDOW) for x in (seen, reckoned))
     both = np.abs((D * E.conj()).sum(1))
@@ -94,7 +98,8 @@ def _misfit(seen: Way, reckoned: Way) -> tuple[float, float]:
     gain = both.sum() / max(float(e2.sum()), ROUND_OFF)
     left = np.maximum(d2 - 2 * gain * both + gain * gain * e2, 0.0)
     cost = WINDOW * float(np.log(left / WINDOW + ROUND_OFF).sum())
-    return cost, float(np.median(left / (d2 + ROUND_OFF)))
+    moves = e2 > WINDOW * ROUND_OFF
+    return cost, float(np.median((left / (d2 + ROUND_OFF))[moves])) if moves.any() else 1.0
 
 
 def _sparse(gnss: Gnss) -> Index:
