@@ -7,6 +7,7 @@ is that a bias is the same at every rest and while driving, and that it has a si
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from graphnav.common.earth import RATE
 from graphnav.common.run import Array
@@ -39,7 +40,7 @@ def rest_rate(quiet: Array, driving: Array, noise: float, bias_sd: float) -> Res
     some = quiet[:: -(-len(quiet) // MOST_COMPARED)]
     tolerance = PRIOR_SIGMAS * bias_sd + 2 * RATE + NOISE_SIGMAS * noise
     size = np.linalg.norm(some, axis=1)
-    near = np.linalg.norm(some[:, None] - some, axis=2) < tolerance
+    near = cdist(some, some) < tolerance
     score = np.log(near.sum(1)) - np.log1p((size / tolerance) ** 2)
     driven = np.median(driving, axis=0) if len(driving) >= ENOUGH_DRIVING else None
     if driven is not None:
