@@ -115,7 +115,8 @@ def filtered(drive: Drive) -> None:
 @fault("imu_clock_drifts_500ppm", says="clock|late|delay")
 def imu_clock(drive: Drive) -> None:
     """The odometer's and the receiver's samples come later and later against the IMU's."""
-    for names in ([_odometer(drive)], [c for c in FIX if c in drive.table]):
+    for sensor in ((_odometer(drive),), FIX):
+        names = [column for column in sensor if column in drive.table]
         on = np.flatnonzero(drive.table[names[0]].notna()) if names else np.zeros(0, int)
         rows = np.round(on * (1 + 5e-4)).astype(int)
         values = drive.table.loc[on, names].to_numpy()[rows < len(drive.table)]

@@ -35,7 +35,7 @@ STILL_ROTATION = 1e-9  # rad, at least
 FREE = 1e9  # times as unsure: nothing is said
 HEADING_REACH_S = 0.3  # a heading further from every node is left out
 HEADING_SD = np.deg2rad(1.0)
-STATED = (ANTENNA, LEVER, MOUNTING)  # by the user
+STATED = (ANTENNA, LEVER, MOUNTING)  # by the user; what fixes contradict is let go
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def build(
     state = timeline.state_at(0.5 * (nodes.time[1:] + nodes.time[:-1]))
     factors = [
         _start(prep, nodes),
-        _calibration(common_layout(setup.layout, scales), nodes),
+        _calibration(prep, common_layout(setup.layout, scales), nodes),
         inertial_factor(setup.alignment.origin, setup.layout, nodes, pre),
         _standstill(prep, nodes, resting, carried[resting]),
     ]
@@ -108,10 +108,12 @@ def _start(prep: Prepared, nodes: Nodes) -> Factor:
     return lambda x: [initial_state(known, t, x), heading(bearing, layout, scope, x)]
 
 
-def _calibration(layout: Layout, nodes: Nodes) -> Factor:
+def _calibration(prep: Prepared, layout: Layout, nodes: Nodes) -> Factor:
+    """Where nothing fixes the path, a lever arm let go would bend the path to the noise instead."""
     time = nodes.segment_time
+    let_go = STATED if prep.sensed.gnss is not None else ()
     return lambda x: [
-        *calibration_prior(layout, x.calibration, STATED),
+        *calibration_prior(layout, x.calibration, let_go),
         *(walk(layout, x.calibration, time, (SCALE,)) if len(time) > 1 else []),
     ]
 
