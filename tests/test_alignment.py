@@ -27,7 +27,7 @@ def vehicle(start: StartSpec = STATED, grade: str = "navigation") -> Vehicle:
     return Vehicle(vehicle=BodySpec(kind="wheeled"), imu=imu, gnss=GnssSpec(), start=start)
 
 
-def resting(roll: float, pitch: float, heading: float, gyro_bias: Array) -> Run:
+def at_standstill(roll: float, pitch: float, heading: float, gyro_bias: Array) -> Run:
     """60 s at rest on the turning Earth, angles in degrees, bias in rad/s."""
     R_nb = rotation_of_angles(*np.deg2rad(np.array([roll, pitch, heading])))
     n = round(60 * RATE)
@@ -55,9 +55,9 @@ def moving(heading: float, fixes: bool = True) -> Run:
     return Run(Path("run.csv"), 0.0, 60.0, imu, odometer, None, gnss, None, None)
 
 
-def aligned(run: Run, of: Vehicle, still_until: float = 60.0) -> Alignment:
+def aligned(run: Run, of: Vehicle, standstill_until: float = 60.0) -> Alignment:
     assert run.imu is not None
-    return align(run, of, increments(run.imu), still_until)
+    return align(run, of, increments(run.imu), standstill_until)
 
 
 def degrees(found: Alignment) -> Array:
@@ -67,7 +67,7 @@ def degrees(found: Alignment) -> Array:
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0, 0), (5, -3), (-10, 8)])
 def test_levelling(roll: float, pitch: float) -> None:
-    found = aligned(resting(roll, pitch, 77.0, np.zeros(3)), vehicle())
+    found = aligned(at_standstill(roll, pitch, 77.0, np.zeros(3)), vehicle())
     np.testing.assert_allclose(degrees(found), [roll, pitch, 77.0], atol=1e-4)
     assert found.source == "stated in [start]"
     assert found.start.sd[2] == pytest.approx(np.deg2rad(0.5))
@@ -75,13 +75,13 @@ def test_levelling(roll: float, pitch: float) -> None:
 
 def test_gyro_bias_of_a_standing_start() -> None:
     bias = np.array([1e-6, -2e-6, 1.5e-6])
-    found = aligned(resting(2, 1, 77.0, bias), vehicle(grade="tactical"))
+    found = aligned(at_standstill(2, 1, 77.0, bias), vehicle(grade="tactical"))
     np.testing.assert_allclose(found.gyro_bias, bias, atol=1e-9)
 
 
 @pytest.mark.parametrize("heading", [0.0, 77.0, 200.0, 359.0])
 def test_gyrocompassing(heading: float) -> None:
-    found = aligned(resting(3, -2, heading, np.zeros(3)), vehicle(PLACE))
+    found = aligned(at_standstill(3, -2, heading, np.zeros(3)), vehicle(PLACE))
     assert found.source == "gyrocompass"
     error = (degrees(found)[2] - heading + 180) % 360 - 180
     assert error == pytest.approx(0, abs=1e-4)
@@ -89,7 +89,7 @@ def test_gyrocompassing(heading: float) -> None:
 
 def test_a_poor_gyro_does_not_compass() -> None:
     with pytest.raises(InputError, match="heading at the start is unknown"):
-        aligned(resting(0, 0, 10, np.zeros(3)), vehicle(PLACE, "mems"))
+        aligned(at_standstill(0, 0, 10, np.zeros(3)), vehicle(PLACE, "mems"))
 
 
 @pytest.mark.parametrize("heading", [20.0, 135.0, 300.0])
@@ -115,8 +115,8 @@ def test_no_source_outvotes_the_path_alone(off: float) -> None:
         found = aligned(run, vehicle(start, "mems"), 0.0)
         assert abs(degrees(found)[2] - 20.0) < 1.0
         assert found.source == (source if off == 0 else "satellite course")
-        assert len(found.told) == (off > 0)
-        for line in found.told:
+        assert len(found.remarks) == (off > 0)
+        for line in found.remarks:
             said = float(
                 line.why.removeprefix(f"the heading {source} is wrong by ").split(" deg")[0]
             )
@@ -157,4 +157,4 @@ def test_a_start_of_another_day_is_left_to_the_fixes(off_m: float) -> None:
     truth = found.origin.local(*np.deg2rad([45.0, 10.0]), np.asarray(100.0))
     assert np.linalg.norm((found.start.p_n - truth)[:2]) < (1e-3 if off_m == 0 else 60.0)
     assert found.start.sd[6] == (0.1 if off_m == 0 else 300.0)
-    assert [remark.why[:12] for remark in found.told] == ["[start] is 9"] * (off_m > 0)
+    assert [remark.why[:12] for remark in found.remarks] == ["[start] is 9"] * (off_m > 0)

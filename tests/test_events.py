@@ -8,18 +8,18 @@ from graphnav.result.events import Event, events
 
 END = np.arange(1.0, 101.0)
 DURATION = np.ones(100)
-NO_RESTS = np.zeros((0, 2))
+NO_STANDSTILL = np.zeros((0, 2))
 
 
 def found(
-    spans: list[tuple[int, int]], row: int, peak: float, rests: Array = NO_RESTS
+    spans: list[tuple[int, int]], row: int, peak: float, standstills: Array = NO_STANDSTILL
 ) -> list[Event]:
     """Events of intervals [a, b) of one axis doubted, with `peak` m/s in their middle."""
     weight, slip = np.ones((100, 3)), np.zeros((100, 3))
     for a, b in spans:
         weight[a:b, row] = 0.0
         slip[(a + b) // 2, row] = peak
-    return events(END, weight, slip, DURATION, rests.ravel())
+    return events(END, weight, slip, DURATION, standstills.ravel())
 
 
 @pytest.mark.parametrize(
@@ -50,11 +50,11 @@ def test_clean_data_have_no_episodes() -> None:
 
 
 def test_odometer_may_stutter_when_starting_and_stopping() -> None:
-    rests = np.array([[20.0, 30.0]])
-    assert not found([(19, 20)], 1, 1.0, rests)
-    assert not found([(30, 31)], 1, 1.0, rests)
-    assert found([(19, 20)], 0, 1.0, rests)  # sideways it may not
-    assert found([(50, 51)], 1, 1.0, rests)
+    standstills = np.array([[20.0, 30.0]])
+    assert not found([(19, 20)], 1, 1.0, standstills)
+    assert not found([(30, 31)], 1, 1.0, standstills)
+    assert found([(19, 20)], 0, 1.0, standstills)  # sideways it may not
+    assert found([(50, 51)], 1, 1.0, standstills)
 
 
 def test_axes_are_told_in_order_of_time() -> None:
@@ -62,5 +62,5 @@ def test_axes_are_told_in_order_of_time() -> None:
     for row, start in ((0, 60), (2, 20)):
         weight[start : start + 3, row] = 0
         slip[start : start + 3, row] = 1.0
-    told = events(END, weight, slip, DURATION, NO_RESTS.ravel())
+    told = events(END, weight, slip, DURATION, NO_STANDSTILL.ravel())
     assert [e.kind for e in told] == ["hop", "side_slip"]

@@ -88,10 +88,10 @@ def mission(rng: np.random.Generator, ground: Ground, blocks: int = 24) -> tuple
             bend[first:last] = rng.choice([-1, 1]) * turning
     time = 0.1 * np.arange(len(state))
     yaw_rate = gaussian_filter1d(bend, 3.0) + 0.002 * np.sin(time / 3) * (v_y > 0.1)
-    at_rest = (state == "stop") & (v_y < 0.15)
+    at_standstill = (state == "stop") & (v_y < 0.15)
     rolling_out = (state == "stop") & (v_y >= 0.15)  # before and after the stop proper
     state = np.where(rolling_out, "straight_high", state)
-    v_y, v_o = np.where(at_rest, 0, v_y), np.where(at_rest, 0, v_o)
+    v_y, v_o = np.where(at_standstill, 0, v_y), np.where(at_standstill, 0, v_o)
     pulses = np.floor(np.r_[0.0, np.cumsum(v_o * 0.1)] / 0.0108)
     shake = np.where(v_y > 0.1, 1.0, 0.0)
     return Kinematics(
@@ -101,7 +101,7 @@ def mission(rng: np.random.Generator, ground: Ground, blocks: int = 24) -> tuple
         v_o=np.diff(pulses) * 0.108,
         yaw_rate=yaw_rate,
         a_c=-v_y * yaw_rate + 0.25 * shake * rng.standard_normal(len(time)),
-        standing=np.zeros(len(time), dtype=bool),
+        at_standstill=np.zeros(len(time), dtype=bool),
         accel_y=np.gradient(v_y, time) + 0.1 * shake * rng.standard_normal(len(time)),
     ), state
 
@@ -236,7 +236,7 @@ def test_other_vehicles_stop_or_move(with_odometer: bool) -> None:
         v_o=v_y if with_odometer else np.full(1200, np.nan),
         yaw_rate=0.1 * np.sin(time) * v_y / 8,
         a_c=np.full(1200, np.nan),
-        standing=state == "stop",
+        at_standstill=state == "stop",
     )
     timeline = recognise(kinematics, VehicleParams("wheeled"))
     assert timeline.state.tolist() == ["moving", "stop", "moving"]
@@ -285,7 +285,7 @@ def test_sample_run_with_the_odometer_as_recorded() -> None:
         v_o=np.diff(np.interp(edges, run["time"], run["odo_pulses"])) * 0.108,
         yaw_rate=yaw_rate,
         a_c=-v_y * yaw_rate,
-        standing=np.zeros(len(time), dtype=bool),
+        at_standstill=np.zeros(len(time), dtype=bool),
         accel_y=np.gradient(v_y, time),
     )
     found = score(recognise(kinematics, TRACKED), time, truth["state"].to_numpy(dtype=str))

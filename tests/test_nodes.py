@@ -19,7 +19,7 @@ from graphnav.graph.nodes import (
 
 EDGES = np.arange(2001) * 0.05  # 100 s at 20 Hz
 NONE = np.zeros(0)
-NO_RESTS = np.zeros((0, 2))
+NO_STANDSTILL = np.zeros((0, 2))
 times = st.lists(st.floats(0, 100), max_size=20).map(np.array)
 
 
@@ -36,11 +36,11 @@ def walked(by: Schedule) -> list[int]:
     return found
 
 
-def as_heard(edge: Array, rest: tuple[float, float], fixes: Array, judged: int) -> Schedule:
+def as_heard(edge: Array, span: tuple[float, float], fixes: Array, judged: int) -> Schedule:
     """What a stream knows of one rest when so many increments are judged."""
-    resting = ((edge[:-1] > rest[0]) & (edge[:-1] < rest[1]))[:judged].astype(float)
-    events = (np.flatnonzero(np.diff(resting)) + 1).tolist()
-    return Schedule(edge, judged, events, fixes, resting, 0.0, 1.0)
+    at_standstill = ((edge[:-1] > span[0]) & (edge[:-1] < span[1]))[:judged].astype(float)
+    events = (np.flatnonzero(np.diff(at_standstill)) + 1).tolist()
+    return Schedule(edge, judged, events, fixes, at_standstill, 0.0, 1.0)
 
 
 def test_a_stream_places_nodes_at_rests_fixes_and_seconds() -> None:
@@ -71,7 +71,7 @@ def test_a_stream_places_nodes_as_close_as_told() -> None:
 def test_batch_and_stream_differ_only_where_a_node_gives_way(events: Array, fixes: Array) -> None:
     aids = near_fixes(np.sort(fixes))
     at = np.unique([*np.rint(events / 0.05).astype(int), 2000])
-    nodes = place_nodes(EDGES, EDGES[at], aids, NO_RESTS)
+    nodes = place_nodes(EDGES, EDGES[at], aids, NO_STANDSTILL)
     by = Schedule(EDGES, 2001, at.tolist(), aids, np.zeros(2000), 0.0, 1.0)
     assert walked(replace(by, ahead=CLOSEST_S)) == nodes.edge.tolist()
     for edge in np.setdiff1d(walked(by), nodes.edge):
@@ -88,13 +88,13 @@ def test_fixes_in_pieces_ask_for_the_same_nodes() -> None:
 
 
 def test_once_a_second() -> None:
-    nodes = place_nodes(EDGES, NONE, NONE, NO_RESTS)
+    nodes = place_nodes(EDGES, NONE, NONE, NO_STANDSTILL)
     np.testing.assert_allclose(nodes.time, np.arange(101), atol=1e-9)
 
 
 @given(times, times)
 def test_nodes_grow_and_span_the_run(events: Array, fixes: Array) -> None:
-    nodes = place_nodes(EDGES, events, fixes, NO_RESTS)
+    nodes = place_nodes(EDGES, events, fixes, NO_STANDSTILL)
     assert (np.diff(nodes.edge) > 0).all()
     assert nodes.edge[0] == 0
     assert nodes.edge[-1] == len(EDGES) - 1
@@ -104,21 +104,21 @@ def test_nodes_grow_and_span_the_run(events: Array, fixes: Array) -> None:
 
 @given(times)
 def test_every_event_has_its_node(events: Array) -> None:
-    nodes = place_nodes(EDGES, events, NONE, NO_RESTS)
+    nodes = place_nodes(EDGES, events, NONE, NO_STANDSTILL)
     for event in events:
         assert np.abs(nodes.time - event).min() <= 0.025 + 1e-9
 
 
 @given(times)
 def test_every_fix_has_a_node_near(fixes: Array) -> None:
-    nodes = place_nodes(EDGES, NONE, fixes, NO_RESTS)
+    nodes = place_nodes(EDGES, NONE, fixes, NO_STANDSTILL)
     _, late = nearest_node(nodes, fixes)
     assert (np.abs(late) <= CLOSEST_S + 0.025 + 1e-9).all()
 
 
 @given(times, times)
 def test_only_events_stand_close_together(events: Array, fixes: Array) -> None:
-    nodes = place_nodes(EDGES, events, fixes, NO_RESTS)
+    nodes = place_nodes(EDGES, events, fixes, NO_STANDSTILL)
     at_event = np.isin(nodes.edge, place_nodes(EDGES, events, NONE, spans(0, 100)).edge)
     close = np.diff(nodes.time) < CLOSEST_S / 2
     assert (at_event[:-1] | at_event[1:])[close].all()
@@ -133,7 +133,7 @@ def test_a_rest_has_few_nodes() -> None:
 
 @given(times)
 def test_calibration_segments_follow_one_another(events: Array) -> None:
-    nodes = place_nodes(EDGES, events, NONE, NO_RESTS)
+    nodes = place_nodes(EDGES, events, NONE, NO_STANDSTILL)
     assert len(nodes.segment) == len(nodes.time) - 1
     assert nodes.segment[0] == 0
     assert set(np.diff(nodes.segment)) <= {0, 1}
@@ -143,7 +143,7 @@ def test_calibration_segments_follow_one_another(events: Array) -> None:
 
 @given(times)
 def test_nearest_node_is_the_nearest(when: Array) -> None:
-    nodes = place_nodes(EDGES, NONE, NONE, NO_RESTS)
+    nodes = place_nodes(EDGES, NONE, NONE, NO_STANDSTILL)
     index, late = nearest_node(nodes, when)
     for t, i, dt in zip(when, index, late, strict=True):
         assert abs(dt) <= np.abs(nodes.time - t).min() + 1e-12

@@ -51,7 +51,7 @@ def test_any_axis_order_is_read_exactly(axes: str) -> None:
     out, rest = found(axes_matrix(axes).T, vehicle(STATED, "mems"))
     assert rest < 1e-5
     assert out.vehicle.start.heading_deg == 77.0
-    assert [f"point to {axes};" in remark.why for remark in out.told] == [True] * (axes != "RFU")
+    assert [f"point to {axes};" in remark.why for remark in out.remarks] == [True] * (axes != "RFU")
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -69,19 +69,19 @@ def test_a_yaw_leaves_the_stated_heading_to_its_owner(yaw: float) -> None:
     out, rest = found(R, vehicle(STATED, "mems"))
     assert rest < 4.0
     assert out.vehicle.start.heading_deg == pytest.approx(77.0 - yaw, abs=3.0)
-    assert 'heading_of = "vehicle"' in out.told[0].remedy
-    assert out.told[0].level == 2
+    assert 'heading_of = "vehicle"' in out.remarks[0].remedy
+    assert out.remarks[0].level == 2
     mine = STATED.model_copy(update={"heading_of": "vehicle"})
     said = StartSpec.model_validate(mine.model_dump(exclude_none=True))
     out, _ = found(R, vehicle(said, "mems"))
     assert out.vehicle.start.heading_deg == 77.0
-    assert not any("heading_of" in remark.remedy for remark in out.told)
+    assert not any("heading_of" in remark.remedy for remark in out.remarks)
 
 
 def test_a_small_turn_is_left_to_the_graph() -> None:
     out, rest = found(so3.exp(np.array([0.02, -0.01, 0.03])), vehicle(STATED, "mems"))
     assert rest == pytest.approx(np.rad2deg(np.sqrt(0.0014)), abs=0.01)
-    assert not out.told
+    assert not out.remarks
 
 
 @pytest.mark.parametrize(("turn", "axes"), [("swap", "FRU"), ("x", "LFU"), ("z", "RFD")])

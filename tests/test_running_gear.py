@@ -22,7 +22,7 @@ from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.recognition.timeline import Timeline
 
 NONE = np.zeros(0)
-NO_RESTS = np.zeros((0, 2))
+NO_STANDSTILL = np.zeros((0, 2))
 
 
 def prepared(table: pd.DataFrame, directory: Path, vehicle: str = VEHICLE) -> Prepared:
@@ -52,7 +52,7 @@ def sigmas(prep: Prepared, kind: str, intervals: tuple[float, ...]) -> list[np.n
     """Usual sigma by axis of a kind of block with nodes every so many s."""
     found = []
     for interval in intervals:
-        nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS, interval)
+        nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_STANDSTILL, interval)
         block = blocks_of(prep, nodes)[kind]
         assert block.sigma is not None
         found.append(np.median(block.sigma, axis=0))
@@ -88,7 +88,7 @@ def test_a_velocity_is_read_at_the_rate_of_its_own_node(tmp_path: Path) -> None:
     table = cruising().drop(columns="odo_speed")
     table["gyro_z"] = 0.4 * np.sin(table["time"] - 0.01)  # the mean of the 20 ms before
     prep = prepared(table, tmp_path)
-    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS)
+    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_STANDSTILL)
     block = blocks_of(prep, nodes)[kinds.VELOCITY]
     assert block.sigma is not None
     lever = prep.setup.layout.slices[LEVER]  # its derivative is the rate's cross product
@@ -111,7 +111,7 @@ def sparse(late: float, given: str) -> tuple[pd.DataFrame, str]:
 def test_a_sparse_odometer_is_read_at_the_nodes_own_time(tmp_path: Path) -> None:
     table, vehicle = sparse(0.4, "time_offset_s = 0.4\ntime_offset_sd_s = 0.0")
     prep = prepared(table, tmp_path, vehicle)
-    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS)
+    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_STANDSTILL)
     block = blocks_of(prep, nodes)[kinds.VELOCITY]
     assert block.sigma is not None
     at_nodes = first_path(prep, nodes).estimate
@@ -126,7 +126,7 @@ def test_the_delay_of_a_sparse_odometer_acts_on_its_speed(tmp_path: Path) -> Non
     """Read later by a delay that turns out larger: what the vehicle gains in that time."""
     table, vehicle = sparse(0.0, "time_offset_sd_s = 0.3")
     prep = prepared(table, tmp_path, vehicle)
-    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_RESTS)
+    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_STANDSTILL)
     block = blocks_of(prep, nodes)[kinds.VELOCITY]
     assert block.sigma is not None
     by_delay = block.terms[1].jacobian[:, 1, prep.setup.layout.column(DELAY)] * block.sigma[:, 1]

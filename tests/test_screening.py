@@ -24,10 +24,10 @@ def driven(rate: int, noise: float, seed: int, seconds: float = 60.0) -> Imu:
     return Imu(t, np.full(len(t), 1 / rate), gyro, accel)
 
 
-def touched(imu: Imu, resting: Array | None = None) -> dict[tuple[int, str], list[int]]:
+def touched(imu: Imu, at_standstill: Array | None = None) -> dict[tuple[int, str], list[int]]:
     """Samples by sensor and fault."""
-    still = np.zeros(len(imu.time), bool) if resting is None else resting > 0
-    found = screened(imu, float(imu.dt[0]), still)
+    at_standstill = np.zeros(len(imu.time), bool) if at_standstill is None else at_standstill > 0
+    found = screened(imu, float(imu.dt[0]), at_standstill)
     return {(f.sensor, f.what): np.flatnonzero(f.mask).tolist() for f in found}
 
 

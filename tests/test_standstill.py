@@ -8,17 +8,17 @@ import pytest
 
 from factors.preintegration import Increments
 from graphnav.common.run import Array, Gnss, Odometer, Run, SideSpeeds
-from graphnav.inertial.carried import moved_along, moving_rests
-from graphnav.inertial.quietness import Mask, spans
-from graphnav.inertial.rest_rate import rest_rate
-from graphnav.inertial.standstill import Standstill, believable, rocking, standstill
+from graphnav.inertial.carried_standstill import moved_along, moving_standstills
+from graphnav.inertial.standstill import Standstill, believable, find_standstill, rocking
+from graphnav.inertial.standstill_evidence import Mask, spans
+from graphnav.inertial.standstill_rate import standstill_rate
 
 STEP = 0.05
 REST = (20.0, 30.0)
 
 
 def increments(
-    noise_at_rest: float = 2e-3, noise_driving: float = 0.3, braking: float = 2.0
+    noise_at_standstill: float = 2e-3, noise_driving: float = 0.3, braking: float = 2.0
 ) -> Increments:
     """60 s; noise of force [m/s^2] and a tenth of it of rate [rad/s]; at rest from 20 to 30 s.
 
@@ -27,11 +27,11 @@ def increments(
     rng = np.random.default_rng(1)
     edge = np.arange(1201) * STEP
     at = edge[:-1]
-    at_rest = (at >= REST[0]) & (at < REST[1])
-    noise = np.where(at_rest, noise_at_rest, noise_driving)[:, None]
+    at_standstill = (at >= REST[0]) & (at < REST[1])
+    noise = np.where(at_standstill, noise_at_standstill, noise_driving)[:, None]
     force = noise * rng.normal(size=(1200, 3)) + [0, 0, 9.8]
     force[:, 1] += braking * (((at >= 30) & (at < 34)) * 1.0 - ((at >= 16) & (at < 20)))
-    rate = 0.1 * noise * rng.normal(size=(1200, 3)) + np.where(at_rest, 0, 0.05)[:, None]
+    rate = 0.1 * noise * rng.normal(size=(1200, 3)) + np.where(at_standstill, 0, 0.05)[:, None]
     velocity = force * STEP
     return Increments(edge, rate * STEP, velocity, velocity * STEP / 2, np.zeros(1200))
 
@@ -46,10 +46,10 @@ def odometer(rest: tuple[float, float] = REST, pulse: float = 0.0, ramp: float =
     return Odometer(time, distance, value, pulse)
 
 
-def standing(inc: Increments, odometer: Odometer | None) -> Mask:
+def standing_of(inc: Increments, odometer: Odometer | None) -> Mask:
     """Where a run of these sensors stands."""
     run = Run(Path("run.csv"), 0.0, float(inc.edge[-1]), None, odometer, None, None, None, None)
-    return standstill(inc, run, None, 1e-3).still
+    return find_standstill(inc, run, None, 1e-3).at_standstill
 
 
 def ends(mask: Mask) -> Array:
@@ -58,7 +58,7 @@ def ends(mask: Mask) -> Array:
 
 @pytest.mark.parametrize("pulse", [0.0, 0.0108, 0.2])
 def test_a_stop_is_found_to_within_a_second(pulse: float) -> None:
-    found = ends(standing(increments(), odometer(pulse=pulse)))
+    found = ends(standing_of(increments(), odometer(pulse=pulse)))
     assert found.shape == (1, 2)
     np.testing.assert_allclose(found[0], REST, atol=1.0)
     # never outside: a moving vehicle must not be held
@@ -67,25 +67,25 @@ def test_a_stop_is_found_to_within_a_second(pulse: float) -> None:
 
 
 def test_a_stop_is_found_without_odometer() -> None:
-    found = ends(standing(increments(), None))
+    found = ends(standing_of(increments(), None))
     assert found.shape == (1, 2)
     np.testing.assert_allclose(found[0], REST, atol=1.0)
 
 
 def test_a_shaking_vehicle_does_not_stand_whatever_the_odometer_says() -> None:
     """The odometer is silent from 20 to 35 s (a blocked wheel), the IMU quiet until 30 s."""
-    found = ends(standing(increments(), odometer((20.0, 35.0))))
+    found = ends(standing_of(increments(), odometer((20.0, 35.0))))
     assert found.shape == (1, 2)
     assert found[0, 1] <= REST[1] + STEP
 
 
 def test_a_counting_odometer_is_no_stop_however_quiet() -> None:
     quiet = increments(noise_driving=2e-3)
-    assert not standing(quiet, odometer((70.0, 71.0))).any()
+    assert not standing_of(quiet, odometer((70.0, 71.0))).any()
 
 
 def test_a_stop_of_half_a_second_is_none() -> None:
-    assert not standing(increments(), odometer((20.0, 20.5))).any()
+    assert not standing_of(increments(), odometer((20.0, 20.5))).any()
 
 
 def test_spans_of_a_mask() -> None:
@@ -100,8 +100,8 @@ def test_a_smooth_ride_is_no_rest_without_odometer() -> None:
     """The first rest is believed, a later one only where the reckoned speed may be zero."""
     time = np.arange(0.0, 121.0)
     speed = np.where((time > 10) & (time < 50), 15.0, 0.0)
-    rests = np.array([[0.0, 8.0], [30.0, 40.0], [60.0, 70.0]])
-    np.testing.assert_array_equal(believable(rests, time, speed), rests[[0, 2]])
+    standstills = np.array([[0.0, 8.0], [30.0, 40.0], [60.0, 70.0]])
+    np.testing.assert_array_equal(believable(standstills, time, speed), standstills[[0, 2]])
 
 
 def test_a_rest_without_a_standing_start_is_not_believed() -> None:
@@ -123,8 +123,8 @@ def test_rocking_is_the_angle_without_its_trend() -> None:
 def test_a_locked_wheel_is_no_stop() -> None:
     """The odometer falls from 8 m/s to nothing, the IMU, quiet as at rest, feels no braking."""
     quiet = increments(noise_driving=2e-3, braking=0.0)
-    assert not standing(quiet, odometer(ramp=0.1)).any()
-    assert standing(increments(noise_driving=2e-3), odometer()).any()
+    assert not standing_of(quiet, odometer(ramp=0.1)).any()
+    assert standing_of(increments(noise_driving=2e-3), odometer()).any()
 
 
 @pytest.mark.parametrize(("speed", "moves"), [(0.0, False), (8.0, True)])
@@ -136,26 +136,26 @@ def test_fixes_that_move_along_contradict_a_rest(speed: float, moves: bool) -> N
     assert (len(moved_along(np.array([REST]), gnss)) > 0) == moves
 
 
-def manoeuvre(turn: Array, push: Array, silent: Array, sides: bool = False) -> Standstill:
+def manoeuvre(turn: Array, push: Array, gear_stopped: Array, sides: bool = False) -> Standstill:
     """Where a vehicle stands that turns about z at `turn` [rad/s] and accelerates ahead and upwards
-    by `push` (1200, 2) m/s^2, at 20 Hz; the odometer counts where it is not `silent`.
+    by `push` (1200, 2) m/s^2, at 20 Hz; the odometer counts where it is not `gear_stopped`.
     """
     rng = np.random.default_rng(7)
     edge = np.arange(1201) * STEP
-    shaking = np.where(silent, 2e-3, 0.3)[:, None]
+    shaking = np.where(gear_stopped, 2e-3, 0.3)[:, None]
     force = shaking * rng.normal(size=(1200, 3)) + [0, 0, 9.8]
     force[:, 1:] += push
     rate = 0.1 * shaking * rng.normal(size=(1200, 3)) + 1e-4
     rate[:, 2] += turn
     inc = Increments(edge, rate * STEP, force * STEP, force * STEP**2 / 2, np.zeros(1200))
-    speed = np.where(silent, 0.0, 1.0)
+    speed = np.where(gear_stopped, 0.0, 1.0)
     odo = Odometer(edge, np.append(0, np.cumsum(speed * STEP)), np.append(speed, 0), 0.0)
     both = None
     if sides:
         reach = 0.5 * np.append(turn, 0)
         both = SideSpeeds(edge, np.append(speed, 0) - reach, np.append(speed, 0) + reach)
     run = Run(Path("run.csv"), 0.0, 60.0, None, odo, both, None, None, None)
-    return standstill(inc, run, None, 1e-3)
+    return find_standstill(inc, run, None, 1e-3)
 
 
 AT = np.arange(1200) * STEP
@@ -168,21 +168,21 @@ LEVEL = np.zeros((1200, 2))
 def test_a_steady_turn_on_the_spot_is_no_rest(rate: float, sides: bool) -> None:
     turning = (AT >= 25) & (AT < 55)
     found = manoeuvre(np.where(turning, rate, 0.0), LEVEL, SILENT, sides)
-    assert not found.still[(AT >= 25.5) & (AT < 54.5)].any()
-    assert found.still[(AT > 1) & (AT < 4)].all()
-    assert found.still[AT > 57].all()
+    assert not found.at_standstill[(AT >= 25.5) & (AT < 54.5)].any()
+    assert found.at_standstill[(AT > 1) & (AT < 4)].all()
+    assert found.at_standstill[AT > 57].all()
 
 
 def test_a_bias_far_beyond_its_sigma_is_no_turn() -> None:
     """0.017 rad/s (1 deg/s) at every rest and while driving, 17 sigma."""
     found = manoeuvre(np.full(1200, 0.017), LEVEL, SILENT)
-    assert found.still[(AT > 22) & (AT < 59)].all()
+    assert found.at_standstill[(AT > 22) & (AT < 59)].all()
 
 
 def test_turns_alone_are_no_rest() -> None:
     """Quiet only while turning: what is seen while driving contradicts the bias it would be."""
-    assert rest_rate(np.full((50, 3), 0.3), np.zeros((50, 3)), 1e-4, 1e-3) is None
-    assert rest_rate(np.full((50, 3), 0.3), np.zeros((0, 3)), 1e-4, 1e-3) is not None
+    assert standstill_rate(np.full((50, 3), 0.3), np.zeros((50, 3)), 1e-4, 1e-3) is None
+    assert standstill_rate(np.full((50, 3), 0.3), np.zeros((0, 3)), 1e-4, 1e-3) is not None
 
 
 @pytest.mark.parametrize(("column", "speed"), [(0, 0.3), (1, 0.5)])
@@ -208,4 +208,7 @@ def test_a_fix_set_aside_at_once_moves_nobody() -> None:
 
 
 def test_moving_rests_needs_two_rests_of_a_silence() -> None:
-    assert moving_rests(increments(), np.array([[20.0, 30.0]]), np.array([REST])).shape == (0, 4)
+    assert moving_standstills(increments(), np.array([[20.0, 30.0]]), np.array([REST])).shape == (
+        0,
+        4,
+    )

@@ -24,7 +24,7 @@ VELOCITY_SD, FIX_DOUBT = 0.3, 3.0  # m/s, times the sigma stated: what suits pyi
 DEG = np.pi / 180
 MG = 9.80665e-3  # m/s^2
 LLA = ["lat", "lon", "alt"]
-AT_REST, LEAST_REST = 1e-3, 200  # m/s; samples from which a bias is taken
+STANDSTILL_SPEED, LEAST_STANDSTILL = 1e-3, 200  # m/s; samples from which a bias is taken
 HUMBLE = 10.0  # times the data sheet: what users of GTSAM write after the first try
 BIAS_WALK = (1e-3, 1e-5)  # m/s^2, rad/s per sqrt(s), accelerometer and gyro
 SAME_S = 1e-6  # s, a fix and its node
@@ -39,8 +39,8 @@ def naive(run: Run, start_heading: float, origin: Origin) -> DataFrame:
     assert run.imu is not None and run.odometer is not None
     time, rate = run.imu.time, run.imu.gyro[:, 2]
     speed = np.interp(time, run.odometer.time, run.odometer.speed)
-    rest = np.abs(speed) < AT_REST
-    bias = float(np.median(rate[rest])) if rest.sum() > LEAST_REST else 0.0
+    rest = np.abs(speed) < STANDSTILL_SPEED
+    bias = float(np.median(rate[rest])) if rest.sum() > LEAST_STANDSTILL else 0.0
     step = np.diff(time, prepend=time[0])
     heading = start_heading - np.cumsum((rate - bias) * step)
     way = speed * step

@@ -243,7 +243,7 @@ def of_motion(columns: dict[str, Array]) -> list[Remark]:
     gained = np.append(np.linalg.norm(np.diff(v, axis=0), axis=1) / np.diff(t), 0.0)
     slope = np.abs(v[:, 2]) - CLIMBING * np.maximum(np.hypot(v[:, 0], v[:, 1]), 1.0)
 
-    def told(value: Array, limit: float, word: Callable[[int], str]) -> list[Remark]:
+    def over(value: Array, limit: float, word: Callable[[int], str]) -> list[Remark]:
         k = int(value.argmax())
         return (
             []
@@ -252,9 +252,9 @@ def of_motion(columns: dict[str, Array]) -> list[Remark]:
         )
 
     return [
-        *told(speed, FASTEST, lambda k: f"the path moves at {speed[k]:.0f} m/s"),
-        *told(gained, STRONGEST, lambda k: f"the path changes its speed by {gained[k]:.0f} m/s^2"),
-        *told(slope, 1.0, lambda k: f"the path rises or falls at {abs(v[k, 2]):.0f} m/s"),
+        *over(speed, FASTEST, lambda k: f"the path moves at {speed[k]:.0f} m/s"),
+        *over(gained, STRONGEST, lambda k: f"the path changes its speed by {gained[k]:.0f} m/s^2"),
+        *over(slope, 1.0, lambda k: f"the path rises or falls at {abs(v[k, 2]):.0f} m/s"),
     ]
 
 

@@ -96,5 +96,5 @@ def where(solved: Solved) -> list[str]:
     """The longest spans in which fixes were doubted, in sentences and in order of time."""
     clock = solved.run.clock_start
     found = spans(*rows_doubted(solved, kinds.GNSS, HORIZONTAL))
-    told = sorted(sorted(found, key=lambda s: s[0] - s[1])[:SPANS_TOLD])
-    return [f"GNSS disagreed {a + clock:.0f}-{b + clock:.0f} s: down-weighted" for a, b in told]
+    longest = sorted(sorted(found, key=lambda s: s[0] - s[1])[:SPANS_TOLD])
+    return [f"GNSS disagreed {a + clock:.0f}-{b + clock:.0f} s: down-weighted" for a, b in longest]

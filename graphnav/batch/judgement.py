@@ -15,7 +15,7 @@ from graphnav.result.solved import Solved
 def judge(solved: Solved, columns: dict[str, Array], used: Run) -> Quality:
     """The quality of a solved run; `columns` of its trajectory as `trajectory.table` makes them,
     `used` the run with the fixes in use only."""
-    told = [
+    remarks = [
         *(Remark(said, level=1) for said in _driving(solved)),
         *doubts.of_factors(solved),
         *fix_doubts.of_unused_fixes(solved, columns),
@@ -28,14 +28,14 @@ def judge(solved: Solved, columns: dict[str, Array], used: Run) -> Quality:
         *fix_doubts.of_fix_deviations(solved),
         *fix_doubts.of_carried(solved),
     ]
-    level = max(remark.level for remark in [Remark(""), *told])
+    level = max(remark.level for remark in [Remark(""), *remarks])
     if level and used.imu is not None and used.rover is None:
         found = causes.likeliest(used, solved.vehicle, causes.work_of(solved))
         # of what the cause says already, no more
         cures = [cause.remedy for cause in found if cause.remedy]
-        told = [remark for remark in told if remark.level > 1 or remark.remedy not in cures]
-        told = [*(replace(c, level=min(c.level, 1) * level) for c in found), *told]
-    return graded(told, *_spreads(columns))
+        remarks = [remark for remark in remarks if remark.level > 1 or remark.remedy not in cures]
+        remarks = [*(replace(c, level=min(c.level, 1) * level) for c in found), *remarks]
+    return graded(remarks, *_spreads(columns))
 
 
 def _driving(solved: Solved) -> list[str]:

@@ -49,6 +49,6 @@ def noise_found(solved: Solved) -> list[tuple[str, str, float]]:
 
 def _by_motion(solved: Solved, time: Array) -> dict[str, NDArray[np.bool_]]:
     """Which of some intervals, by their end times (n,) s, ended standing and which driving."""
-    start, end = solved.rests[:, :1], solved.rests[:, 1:]
-    rests = np.asarray(np.any((time > start) & (time <= end + 1e-6), axis=0))
-    return {"standing": rests, "driving": ~rests}
+    start, end = solved.standstills[:, :1], solved.standstills[:, 1:]
+    at_standstill = np.asarray(np.any((time > start) & (time <= end + 1e-6), axis=0))
+    return {"standing": at_standstill, "driving": ~at_standstill}

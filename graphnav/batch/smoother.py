@@ -68,7 +68,7 @@ def smooth_batch(
     progress("motion states")
     timeline = _recognised(prep, path, estimate, None)
     scales: dict[str, float] = {}
-    stands, last, iterations = False, False, 0
+    same, last, iterations = False, False, 0
     before: Iterate | None = None
     for round_ in range(1, most + 1):
         last = last or round_ == most
@@ -82,11 +82,11 @@ def smooth_batch(
         nodes, estimate, path = nodes_next, now.solution.estimate, now.path
         if last:
             break
-        if not stands:
+        if not same:
             again = _recognised(prep, path, estimate, nodes)
-            stands = disagreement(timeline, again) < SAME_TIMELINE
+            same = disagreement(timeline, again) < SAME_TIMELINE
             timeline = again
-        last = round_ + 1 >= MIN_ROUNDS and stands and before is not None and now.settled(before)
+        last = round_ + 1 >= MIN_ROUNDS and same and before is not None and now.settled(before)
         before = now
         scales = _rescaled(scales, now, problem, prep)
     progress("state probabilities")
@@ -149,11 +149,11 @@ def usual_variance(found: Covariances) -> Array:
 def _nodes(prep: Prepared, boundaries: Array, interval: float) -> Nodes:
     """Nodes at the interval, standstill edges, state boundaries and fixes."""
     edges = prep.sensed.inc.edge
-    stands = prep.sensed.standstill
-    events = np.concatenate([stands.changes, boundaries])
+    same = prep.sensed.standstill
+    events = np.concatenate([same.changes, boundaries])
     aids = (prep.sensed.gnss, prep.sensed.run.heading)
     extra = near_fixes(*(aid.time for aid in aids if aid is not None))
-    return place_nodes(edges, events, extra, stands.rests, interval)
+    return place_nodes(edges, events, extra, same.standstills, interval)
 
 
 def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
@@ -179,7 +179,7 @@ def _recognised(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | N
     """Motion states of a path; for vehicles other than tracked: stop and moving from standstill."""
     if not _has_gears(prep):
         mid = 0.5 * (path.time[1:] + path.time[:-1])
-        state = np.where(prep.sensed.standstill.still, "stop", "moving")
+        state = np.where(prep.sensed.standstill.at_standstill, "stop", "moving")
         timeline = timeline_from_states(mid, state)
         return timeline.covering(float(path.time[0]), float(path.time[-1]))
     return recognise(kinematics(prep, path, estimate, nodes), prep.setup.params)

@@ -66,8 +66,8 @@ def found_common(
     need = np.where(before > UNASKED, need, np.inf)
     doubtful = (share > UNASKED) & (variance < need * path)
     share = np.clip(np.where(doubtful, 1.0, share), SMALLEST, LARGEST)
-    told = {f"{KEY}::{axis}": float(x) for axis, x in zip(AXES, share, strict=True)}
-    return told if doubtful.any() else told | {MEMORY: memory}
+    found = {f"{KEY}::{axis}": float(x) for axis, x in zip(AXES, share, strict=True)}
+    return found if doubtful.any() else found | {MEMORY: memory}
 
 
 def _shares(scales: Mapping[str, float]) -> Array:

@@ -16,20 +16,20 @@ from graphnav.graph.noise import Parts, Scales, parts
 from graphnav.inertial.vibration import scatter
 
 SHEET, VIBRATION = "sheet", "vibration"
-STATES = {"rest": "standing", "driving": "driving"}  # as they are told
+STATES = {"standstill": "standing", "driving": "driving"}  # as they are told
 SURVIVES = 0.01  # of the scatter, in a sensor that integrates; all of it where one samples
 # times the assumed before the residuals have spoken: ten data sheets (design facts), all vibration
 HUMBLE = {SHEET: 10.0, VIBRATION: 1 / SURVIVES}
 
 
 def inertial_noise(
-    inc: Increments, nodes: Index, resting: Index, sheet: InertialNoise, scales: Scales
+    inc: Increments, nodes: Index, at_standstill: Index, sheet: InertialNoise, scales: Scales
 ) -> Parts:
     """Squared noise density of gyro and accelerometer in every interval between `nodes` (N,),
-    those in `resting` at standstill; rows [theta, v], (N - 1, 6).
+    those in `at_standstill` at standstill; rows [theta, v], (N - 1, 6).
     """
     n = len(nodes) - 1
-    state = np.where(np.isin(np.arange(n), resting), "rest", "driving")
+    state = np.where(np.isin(np.arange(n), at_standstill), "standstill", "driving")
     base = np.concatenate([np.full(3, sheet.gyro), np.full(3, sheet.accel)])
     assumed = {
         SHEET: np.broadcast_to(base, (n, 6)),
@@ -43,7 +43,7 @@ def density(noise: Parts) -> InertialNoise:
     return InertialNoise(noise.sigma[:, :3], noise.sigma[:, 3:])
 
 
-def told(noise: Parts) -> dict[str, dict[str, list[float]]]:
+def as_summary(noise: Parts) -> dict[str, dict[str, list[float]]]:
     """Root mean square density by state and axis, in the units of the vehicle file."""
 
     def level(density: Array, unit: float) -> list[float]:

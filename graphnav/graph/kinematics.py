@@ -47,6 +47,7 @@ def kinematics(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | No
         v_o=speed_at(prep.sensed.run.odometer, t + delay),
         yaw_rate=np.interp(t, mid, rate_b @ R_mb[2]),
         a_c=np.interp(t, mid, force_m[:, 0]),
-        standing=np.interp(t, mid, prep.sensed.standstill.still.astype(np.float64)) > 0.5,
+        at_standstill=np.interp(t, mid, prep.sensed.standstill.at_standstill.astype(np.float64))
+        > 0.5,
         accel_y=np.interp(t, mid, force_m[:, 1]),
     )

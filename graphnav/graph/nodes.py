@@ -13,7 +13,9 @@ from graphnav.common.run import Array
 
 INTERVAL_S = 1.0  # between nodes, unless told otherwise
 FIX_SPACING_S = 0.45  # at least, between fixes that make nodes
-REST_INTERVAL_S = 10.0  # nodes inside a standstill: rocking is bounded, so few and long intervals
+STANDSTILL_INTERVAL_S = (
+    10.0  # nodes inside a standstill: rocking is bounded, so few and long intervals
+)
 CLOSEST_S = 0.25  # a grid node this close to an event gives way
 SEGMENT_S = 10.0  # length of a calibration segment
 
@@ -50,7 +52,9 @@ class Schedule:
     judged: int  # edges before this one are known to be events, or none
     events: list[int]  # edges where a node must stand, in order
     aids: Array | list[float]  # s, times of fixes that ask for nodes, in order
-    resting: Array | list[bool]  # (at least `judged` - 1,) whether each increment is at standstill
+    at_standstill: (
+        Array | list[bool]
+    )  # (at least `judged` - 1,) whether each increment is at standstill
     start: float  # s, where the grid begins
     interval: float  # s, its step
     ahead: float = 0.0  # s behind a node of which the events are known when it is placed
@@ -65,8 +69,8 @@ def next_node(last: int, by: Schedule) -> int | None:
     """Edge number of the node after edge `last`, or None while that is open.
 
     Nodes stand at events (standstill edges, state boundaries), near fixes, else on the grid; at
-    rest every ten seconds. A node that is no event gives way to one within `room` after it, where
-    that is known by then; a grid node gives way to a fix.
+    standstill every ten seconds. A node that is no event gives way to one within `room` after it,
+    where that is known by then; a grid node gives way to a fix.
     """
     if last >= by.judged:
         return None
@@ -83,8 +87,8 @@ def next_node(last: int, by: Schedule) -> int | None:
 def _wanted(last: int, by: Schedule) -> float:
     """Time at which the node after edge `last` should stand where there are no events, s."""
     t = by.edge[last]
-    if by.resting[last]:
-        return t + REST_INTERVAL_S
+    if by.at_standstill[last]:
+        return t + STANDSTILL_INTERVAL_S
     steps = floor((t - by.start + by.room) / by.interval + 1)
     grid = by.start + steps * by.interval
     k = bisect_left(by.aids, t + by.room)
@@ -92,11 +96,12 @@ def _wanted(last: int, by: Schedule) -> float:
 
 
 def place_nodes(
-    edges: Array, events: Array, aids: Array, rests: Array, interval: float = INTERVAL_S
+    edges: Array, events: Array, aids: Array, standstills: Array, interval: float = INTERVAL_S
 ) -> Nodes:
     """All nodes of a run between its first and last of `edges` (M + 1,) s, by `next_node`.
 
-    `events` (E,) s; `aids` (F,) s, fixes; few inside `rests` (K, 2) s; else every `interval` s.
+    `events` (E,) s; `aids` (F,) s, fixes; few inside `standstills` (K, 2) s; else every
+    `interval` s.
     """
     end = len(edges) - 1
     right = np.clip(np.searchsorted(edges, events), 1, end)
@@ -106,7 +111,7 @@ def place_nodes(
         judged=len(edges),
         events=np.union1d(nearest, end).tolist(),
         aids=np.sort(aids).tolist(),
-        resting=_inside(0.5 * (edges[1:] + edges[:-1]), rests).tolist(),
+        at_standstill=_inside(0.5 * (edges[1:] + edges[:-1]), standstills).tolist(),
         start=float(edges[0]),
         interval=interval,
         ahead=room_of(interval),
@@ -144,12 +149,12 @@ def room_of(interval: float) -> float:
     return min(CLOSEST_S, interval / 2)
 
 
-def _inside(times: Array, rests: Array) -> NDArray[np.bool_]:
-    """Whether each time lies strictly inside a rest."""
-    if not len(rests):
+def _inside(times: Array, standstills: Array) -> NDArray[np.bool_]:
+    """Whether each time lies strictly inside a standstill."""
+    if not len(standstills):
         return np.zeros(len(times), bool)
-    at = np.clip(np.searchsorted(rests[:, 0], times, side="right") - 1, 0, None)
-    return np.asarray((times > rests[at, 0]) & (times < rests[at, 1]))
+    at = np.clip(np.searchsorted(standstills[:, 0], times, side="right") - 1, 0, None)
+    return np.asarray((times > standstills[at, 0]) & (times < standstills[at, 1]))
 
 
 def nearest_node(nodes: Nodes, times: Array) -> tuple[Index, Array]:

@@ -156,8 +156,8 @@ def _factors(
             share = times[name] * part / q
             # twice the gradient of the log-likelihood and of the log-prior, by log of the factor
             off = 2 * np.log(times[name] * was[name] ** 2) / PRIOR_LOG_SD**2
-            told = float(share @ surprise) + max(-off, 0.0) + DAMPING
-            times[name] *= told / (float(share @ red) + max(off, 0.0) + DAMPING)
+            found = float(share @ surprise) + max(-off, 0.0) + DAMPING
+            times[name] *= found / (float(share @ red) + max(off, 0.0) + DAMPING)
     return times
 
 

@@ -18,15 +18,15 @@ from graphnav.inertial.fix_delay import found_delay
 from graphnav.inertial.heading_sources import STATED
 from graphnav.inertial.increments import increments
 from graphnav.inertial.orientation import oriented
-from graphnav.inertial.quietness import Mask, within
 from graphnav.inertial.reckoning import inertial_path
 from graphnav.inertial.standstill import (
     BEGINS_S,
     Standstill,
     believable,
+    find_standstill,
     rocking,
-    standstill,
 )
+from graphnav.inertial.standstill_evidence import Mask, within
 from graphnav.reading.outages import Outages, in_use
 from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.corrections import Correction, VehicleParams, correction_table
@@ -35,7 +35,7 @@ LOW_GEAR_RATIO = 1.42  # of a gearbox odometer, where the vehicle file does not 
 # rad/sqrt(s) of roll and pitch: a tenth of what a car, a van and four robots show over 0.5 to 5 s,
 # as the first round takes ten times what is stated (`inertial_noise.py`) and the residuals go on
 ROCKS = 8e-4
-STANDING_START_S = 3.0  # a rest at least this long, begun as the run starts, aligns
+INITIAL_STANDSTILL_S = 3.0  # a standstill at least this long, begun as the run starts, aligns
 
 
 @dataclass(frozen=True)
@@ -102,31 +102,31 @@ def prepare(
     vehicle, inc = lying.vehicle, lying.inc
     gnss, delay = punctual(gnss, vehicle, inc, run.odometer)
     used = replace(lying.run, gnss=gnss)
-    stands = standstill(inc, used, gnss, gyro_bias_sd(vehicle))
-    alignment = align(used, vehicle, inc, standing_start(stands.rests, inc))
-    told = lying.told
+    detected = find_standstill(inc, used, gnss, gyro_bias_sd(vehicle))
+    alignment = align(used, vehicle, inc, initial_standstill_end(detected.standstills, inc))
+    remarks = lying.remarks
     if alignment.source != STATED:  # nothing rests on whose the stated heading is
-        told = tuple(replace(remark, level=0) for remark in told)
-    alignment = replace(alignment, told=(*told, *alignment.told))
+        remarks = tuple(replace(remark, level=0) for remark in remarks)
+    alignment = replace(alignment, remarks=(*remarks, *alignment.remarks))
     table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
     noise = inertial_noise(vehicle, run.sensed)
     fixes = fixes_in(alignment.origin, gnss)
     both, bias = two_sided(run, vehicle), alignment.gyro_bias
-    weight = weight_at_rest(inc, stands.still, alignment.origin)
+    weight = weight_at_standstill(inc, detected.at_standstill, alignment.origin)
     layout = calibrations.layout(vehicle, table, gnss, both, bias, delay, weight)
     setup = Setup(vehicle, noise, alignment, table, layout, both, interval, delay)
     if run.odometer is None:
-        kept = believable(stands.rests, *_reckoned_speed(inc, setup))
-        stands = replace(stands, still=within(inc.edge, kept))
-    rock = rocking(inc, stands.rests, float(np.min(noise.gyro)))
-    return Prepared(setup, Sensed(used, inc, stands, fixes, rock))
+        kept = believable(detected.standstills, *_reckoned_speed(inc, setup))
+        detected = replace(detected, at_standstill=within(inc.edge, kept))
+    rock = rocking(inc, detected.standstills, float(np.min(noise.gyro)))
+    return Prepared(setup, Sensed(used, inc, detected, fixes, rock))
 
 
-def weight_at_rest(inc: Increments, still: Mask, origin: Origin) -> float:
-    """Specific force at rest over gravity, 1 where the vehicle never rests."""
-    if not still.any():
+def weight_at_standstill(inc: Increments, at_standstill: Mask, origin: Origin) -> float:
+    """Specific force at standstill over gravity, 1 where it never stands."""
+    if not at_standstill.any():
         return 1.0
-    force = inc.velocity[still] / np.diff(inc.edge)[still, None]
+    force = inc.velocity[at_standstill] / np.diff(inc.edge)[at_standstill, None]
     g = np.linalg.norm(origin.gravity(np.zeros(3)))
     return float(np.linalg.norm(np.median(force, axis=0)) / g)
 
@@ -205,10 +205,10 @@ def two_sided(run: Run, vehicle: Vehicle) -> bool:
     return vehicle.kind == "tracked" and run.sides is not None
 
 
-def standing_start(rests: Array, inc: Increments) -> float:
-    """End of a standing start, s; 0 when the run begins on the move."""
-    if len(rests) and rests[0, 0] - inc.edge[0] < BEGINS_S:
-        start, end = rests[0]
-        if end - start >= STANDING_START_S:
+def initial_standstill_end(standstills: Array, inc: Increments) -> float:
+    """End of an initial standstill, s; 0 when the run begins on the move."""
+    if len(standstills) and standstills[0, 0] - inc.edge[0] < BEGINS_S:
+        start, end = standstills[0]
+        if end - start >= INITIAL_STANDSTILL_S:
             return float(end)
     return 0.0

@@ -26,12 +26,12 @@ from graphnav.graph.round import Factor, Round
 from graphnav.graph.satellite_fixes import satellite_fixes
 from graphnav.inertial import heading_sources
 from graphnav.inertial.alignment import LOOSE_HEADING
-from graphnav.inertial.carried import HORIZONTAL, VERTICAL
-from graphnav.inertial.quietness import Mask
+from graphnav.inertial.carried_standstill import HORIZONTAL, VERTICAL
+from graphnav.inertial.standstill_evidence import Mask
 from graphnav.recognition.timeline import Timeline
 
-STILL_VELOCITY, STILL_POSITION = 2e-3, 1e-3  # m/s, m
-STILL_ROTATION = 1e-9  # rad, at least
+STANDSTILL_VELOCITY, STANDSTILL_POSITION = 2e-3, 1e-3  # m/s, m
+STANDSTILL_ROTATION = 1e-9  # rad, at least
 FREE = 1e9  # times as unsure: nothing is said
 HEADING_REACH_S = 0.3  # a heading further from every node is left out
 HEADING_SD = np.deg2rad(1.0)
@@ -46,7 +46,7 @@ class Problem:
     order: EliminationOrder
     nodes: Nodes
     pre: Preintegrated
-    resting: Index  # intervals at standstill
+    at_standstill: Index  # intervals at standstill
     state: States  # (N - 1,) motion state of each interval
     noise: dict[str, Parts]  # by factor kind, what the errors of its rows are sums of
 
@@ -62,10 +62,12 @@ def build(
     seg, setup = nodes.segment, prep.setup
     owner = interval_of_increment(nodes.edge)
     count = np.bincount(owner, minlength=len(seg))
-    stands = prep.sensed.standstill
-    resting = np.flatnonzero(np.bincount(owner, stands.still, len(seg)) / count > 0.999)
-    carried = np.stack([np.bincount(owner, on, len(seg)) > 0 for on in stands.carried.T], -1)
-    imu = inertial_noise(prep.sensed.inc, nodes.edge, resting, setup.noise, scales)
+    detected = prep.sensed.standstill
+    at_standstill = np.flatnonzero(
+        np.bincount(owner, detected.at_standstill, len(seg)) / count > 0.999
+    )
+    carried = np.stack([np.bincount(owner, on, len(seg)) > 0 for on in detected.carried.T], -1)
+    imu = inertial_noise(prep.sensed.inc, nodes.edge, at_standstill, setup.noise, scales)
     errors = setup.layout.imu_errors_of(at.calibration)[seg]
     pre = preintegrate(prep.sensed.inc, nodes.edge, errors, density(imu))
     state = timeline.state_at(0.5 * (nodes.time[1:] + nodes.time[:-1]))
@@ -73,22 +75,22 @@ def build(
         _start(prep, nodes),
         _calibration(prep, common_layout(setup.layout, scales), nodes),
         inertial_factor(setup.alignment.origin, setup.layout, nodes, pre),
-        _standstill(prep, nodes, resting, carried[resting]),
+        _standstill(prep, nodes, at_standstill, carried[at_standstill]),
     ]
     round_ = Round(prep, nodes, pre, state, at, scales)
     # what is carried says nothing with its wheels
-    moving = np.setdiff1d(np.flatnonzero(~carried.any(1)), resting)
+    moving = np.setdiff1d(np.flatnonzero(~carried.any(1)), at_standstill)
     motion, noise = motion_factors(round_, moving)
     factors.extend(motion)
     noise[kinds.INERTIAL] = imu
     if prep.sensed.gnss is not None:
-        unmoved = resting[~carried[resting].any(1)]
+        unmoved = at_standstill[~carried[at_standstill].any(1)]
         fixes, noise[kinds.GNSS] = satellite_fixes(round_, unmoved)
         factors.append(fixes)
     if prep.sensed.run.heading is not None:
         factors.append(_heading(prep, nodes))
     order = EliminationOrder(len(nodes.time), len(nodes.segment_time), setup.layout.dim, seg)
-    return Problem(tuple(factors), order, nodes, pre, resting, state, noise)
+    return Problem(tuple(factors), order, nodes, pre, at_standstill, state, noise)
 
 
 def _start(prep: Prepared, nodes: Nodes) -> Factor:
@@ -130,13 +132,13 @@ def inertial_factor(origin: Origin, layout: Layout, nodes: Nodes, pre: Preintegr
     return factor
 
 
-def _standstill(prep: Prepared, nodes: Nodes, resting: Index, carried: Mask) -> Factor:
-    """At rest; along what is `carried` (n, 2), horizontal or vertical, nothing is held."""
-    rotation = np.sqrt(2) * prep.sensed.rocking + STILL_ROTATION
+def _standstill(prep: Prepared, nodes: Nodes, at_standstill: Index, carried: Mask) -> Factor:
+    """At standstill; along what is `carried` (n, 2), horizontal or vertical, nothing is held."""
+    rotation = np.sqrt(2) * prep.sensed.rocking + STANDSTILL_ROTATION
     free = np.where(carried[:, [HORIZONTAL, HORIZONTAL, VERTICAL]], FREE, 1.0)
-    noise = StandstillNoise(rotation, STILL_VELOCITY * free, STILL_POSITION * free)
-    scope = nodes.intervals.of(resting)
-    return lambda x: [standstill(noise, scope, x)] if len(resting) else []
+    noise = StandstillNoise(rotation, STANDSTILL_VELOCITY * free, STANDSTILL_POSITION * free)
+    scope = nodes.intervals.of(at_standstill)
+    return lambda x: [standstill(noise, scope, x)] if len(at_standstill) else []
 
 
 def _heading(prep: Prepared, nodes: Nodes) -> Factor:

@@ -21,7 +21,7 @@ REACH_S = 0.3  # before the first node or after the last: a fix further out is l
 FIX_SD = 0.002  # m, no receiver is better
 
 
-def satellite_fixes(round_: Round, resting: Index) -> tuple[Factor, Parts]:
+def satellite_fixes(round_: Round, at_standstill: Index) -> tuple[Factor, Parts]:
     """All fixes in use, carried with the delay of the round; with what their errors are sums of."""
     prep, nodes, pre, at = round_.prep, round_.nodes, round_.pre, round_.at
     gnss, setup = prep.sensed.gnss, prep.setup
@@ -30,10 +30,10 @@ def satellite_fixes(round_: Round, resting: Index) -> tuple[Factor, Parts]:
     time = gnss.time + setup.fix_delay - delay
     on, scope = between(nodes, time)
     carried = carry(prep.sensed.inc, pre, nodes, scope)
-    still = np.isin(scope.node, resting)
+    held = np.isin(scope.node, at_standstill)
     for x, level in ((carried.swing, 0), (carried.surge, 0), (carried.turn, np.eye(3))):
-        x[still] = level
-    carried.rate[still] = 0
+        x[held] = level
+    carried.rate[held] = 0
     noise = fix_noise(gnss.sd_enu[on], round_.scales)
     fixes = Fixes(prep.sensed.fixes_n[on], noise.sigma, carried, delay)
     return with_noise(noise, lambda x: position(fixes, setup.layout, scope, x)), noise
@@ -52,8 +52,8 @@ def fixes_on_smooth_path(gnss: Gnss, fixes_n: Array, layout: Layout, nodes: Node
 
 def fix_noise(sd_enu: Array, scales: Scales) -> Parts:
     """What the errors of fixes are sums of, whose receiver told (F, 3) m."""
-    told = {"told": np.maximum(sd_enu, FIX_SD)}
-    return parts(kinds.GNSS, np.full(len(sd_enu), ""), AXES, told, scales)
+    stated = {"told": np.maximum(sd_enu, FIX_SD)}
+    return parts(kinds.GNSS, np.full(len(sd_enu), ""), AXES, stated, scales)
 
 
 def carried_with(setup: Setup, at: Estimate) -> float:

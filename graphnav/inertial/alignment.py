@@ -20,7 +20,7 @@ from graphnav.inertial.heading_evidence import Weighed, weigh
 from graphnav.inertial.heading_sources import (
     CURES,
     STATED,
-    Rest,
+    InitialStandstill,
     Turning,
     evidence,
     reckoned_on_fixes,
@@ -52,7 +52,7 @@ class Alignment:
     source: str  # where the heading comes from, in words
     heading_sd: float = LOOSE_HEADING  # rad, of the evidence together
     path: PathHeading | None = None  # the reckoned path held against the fixes
-    told: tuple[Remark, ...] = ()  # evidence that was outvoted
+    remarks: tuple[Remark, ...] = ()  # evidence that was outvoted
 
     @property
     def heading(self) -> float:
@@ -60,22 +60,28 @@ class Alignment:
         return float(angles_of_rotation(self.start.R_nb)[2])
 
 
-def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Alignment:
-    """Align at the first increment edge; `still_until` is the end of a standing start (0: none).
+def align(run: Run, vehicle: Vehicle, inc: Increments, standstill_until: float) -> Alignment:
+    """Align at the first increment edge; `standstill_until` ends the initial one (0: none).
 
     Raises `InputError` saying what is missing when position or heading cannot be known.
     """
     origin = frame_origin(run, vehicle)
-    standing = still_until > 0
+    at_standstill = standstill_until > 0
     bias_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600
-    rate = mean_rate(inc, still_until) if standing else np.zeros(3)
+    rate = mean_rate(inc, standstill_until) if at_standstill else np.zeros(3)
     speed = pace(run, inc.edge)
-    bias = rate if standing else tilting_bias(inc, speed, bias_sd)
-    R_level = levelled(inc, speed, still_until, bias)
-    rest = _rest(vehicle, R_level @ rate, still_until - inc.edge[0]) if standing else None
-    turning = Turning(inc, R_level[2], bias, max(rest.sd if rest else bias_sd, LEAST_BIAS))
+    bias = rate if at_standstill else tilting_bias(inc, speed, bias_sd)
+    R_level = levelled(inc, speed, standstill_until, bias)
+    start_standstill = (
+        _initial_standstill(vehicle, R_level @ rate, standstill_until - inc.edge[0])
+        if at_standstill
+        else None
+    )
+    turning = Turning(
+        inc, R_level[2], bias, max(start_standstill.sd if start_standstill else bias_sd, LEAST_BIAS)
+    )
     path = reckoned_on_fixes(run, turning)
-    pieces = evidence(run, vehicle, turning, path, rest, origin)
+    pieces = evidence(run, vehicle, turning, path, start_standstill, origin)
     if not pieces:
         raise InputError(_unknown(run))
     found = weigh(pieces)
@@ -85,19 +91,19 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, still_until: float) -> Al
         bias = bias + path.rate * R_level[2]
     heading, sd, source = _prior(found, vehicle)
     R_nb = so3.exp(np.array([0.0, 0.0, -heading])) @ R_level
-    bias = bias - R_nb.T @ origin.Omega_n if standing else bias
+    bias = bias - R_nb.T @ origin.Omega_n if at_standstill else bias
     p_0, p_sd = first_position(run, vehicle, origin, float(inc.edge[0]))
     p_0, p_sd, elsewhere = _by_fixes(p_0, p_sd, run, path, origin)
     start = InitialState(R_nb, np.zeros(3), p_0, np.repeat([LOOSE_TILT, LOOSE_SPEED, p_sd], 3))
     start.sd[2] = sd
-    told = (*_told(found), *elsewhere, *_biased(bias, bias_sd))
-    return Alignment(origin, start, bias, source, found.sd, path, told)
+    remarks = (*_outvoted(found), *elsewhere, *_biased(bias, bias_sd))
+    return Alignment(origin, start, bias, source, found.sd, path, remarks)
 
 
-def _rest(vehicle: Vehicle, rate_level: Array, seconds: float) -> Rest:
-    """The mean rate of a standing start of some seconds."""
+def _initial_standstill(vehicle: Vehicle, rate_level: Array, seconds: float) -> InitialStandstill:
+    """The mean rate of an initial standstill of some seconds."""
     noise = np.deg2rad(vehicle.imu.gyro_noise_deg_sqrt_h) / 60
-    return Rest(rate_level, float(noise / np.sqrt(max(seconds, 1.0))))
+    return InitialStandstill(rate_level, float(noise / np.sqrt(max(seconds, 1.0))))
 
 
 def _prior(found: Weighed, vehicle: Vehicle) -> tuple[float, float, str]:
@@ -113,7 +119,7 @@ def _prior(found: Weighed, vehicle: Vehicle) -> tuple[float, float, str]:
     return found.heading, float(LOOSE_HEADING), found.agreeing[0].source
 
 
-def _told(found: Weighed) -> tuple[Remark, ...]:
+def _outvoted(found: Weighed) -> tuple[Remark, ...]:
     """Evidence that was outvoted, each piece with its cure."""
     best = found.agreeing[0].source
     return tuple(

@@ -59,12 +59,12 @@ def _heard(run: Run, start: float, end: float) -> bool:
 
 def _nothing_happened(run: Run, start: float, end: float, jump: float) -> bool:
     """Whether what was driven across a silence is that of a jump, and nothing says otherwise."""
-    told = [
+    shown = [
         verdict
         for verdict in (_counted(run, start, end, jump), _fixed(run, start, end, jump))
         if verdict is not None
     ]
-    return bool(told) and all(told)
+    return bool(shown) and all(shown)
 
 
 def _counted(run: Run, start: float, end: float, jump: float) -> bool | None:

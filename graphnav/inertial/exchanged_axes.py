@@ -165,12 +165,12 @@ class _Slots:
         `stands`, `other` (K,): slots that tell that the axes stand, or not.
         """
         first, end = span
-        told = first + np.flatnonzero(other[first:end])
+        sure_slots = first + np.flatnonzero(other[first:end])
         before, after = np.flatnonzero(stands[:first]), np.flatnonzero(stands[end:])
         # they may have been exchanged in the midst of a slot
         low = int(before[-1]) if len(before) else 0
         high = end + int(after[0]) if len(after) else len(stands)
-        sure = (self.slot > told[0]) & (self.slot < (told[-1] if len(after) else high))
+        sure = (self.slot > sure_slots[0]) & (self.slot < (sure_slots[-1] if len(after) else high))
         return Exchange(sensor, axes, sure, ~sure & (self.slot >= low) & (self.slot <= high))
 
 

@@ -14,7 +14,7 @@ from graphnav.inertial.path_heading import STEP_S, PathHeading, Reckoned, path_h
 from graphnav.reading.vehicle import Vehicle
 
 COMPASS_SD = np.deg2rad(5.0)  # a gyrocompass worse than this is not used
-EARTH_SIGMAS = 4.0  # by which a rate at rest may differ from the Earth's
+EARTH_SIGMAS = 4.0  # by which a rate at standstill may differ from the Earth's
 SENSED_SD = np.deg2rad(1.0)  # of a sample of the heading sensor
 SENSED_S = 600.0  # of the run over which the gyro carries the sensed headings to the start
 # chance of being grossly wrong: people turn the sign or mean another axis; sensors sit askew; a
@@ -50,7 +50,7 @@ class Turning:
 
 
 @dataclass(frozen=True)
-class Rest:
+class InitialStandstill:
     """The gyro while the vehicle stood at the start."""
 
     rate_level: Array  # (3,) rad/s, in the levelled axes of heading zero
@@ -77,7 +77,7 @@ def evidence(
     vehicle: Vehicle,
     turning: Turning,
     path: PathHeading | None,
-    rest: Rest | None,
+    standstill: InitialStandstill | None,
     origin: Origin,
 ) -> list[Evidence]:
     """Every source's heading of the IMU's forward axis at the start."""
@@ -99,16 +99,16 @@ def evidence(
     if path is not None:
         gross = max(PATH_GROSS, float(np.exp(-len(path.time))))
         found.append(of_imu(Evidence(path.heading, path.sd, PATH, gross)))
-    if rest is not None:
-        found += _compassed(vehicle, rest, origin)
+    if standstill is not None:
+        found += _compassed(vehicle, standstill, origin)
     return found
 
 
-def _compassed(vehicle: Vehicle, rest: Rest, origin: Origin) -> list[Evidence]:
-    """The Earth's rotation at rest points north, where the gyros read it and nothing else."""
-    sd = float(np.hypot(np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600, rest.sd))
+def _compassed(vehicle: Vehicle, standstill: InitialStandstill, origin: Origin) -> list[Evidence]:
+    """The Earth's rotation at standstill points north, where the gyros read it and nothing else."""
+    sd = float(np.hypot(np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600, standstill.sd))
     _, north, up = origin.Omega_n.tolist()
-    x, y, z = rest.rate_level.tolist()
+    x, y, z = standstill.rate_level.tolist()
     off = max(abs(np.hypot(x, y) - north), abs(z - up))
     if sd / north > COMPASS_SD or off > EARTH_SIGMAS * sd:
         return []

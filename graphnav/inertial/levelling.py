@@ -14,23 +14,23 @@ SIGNIFICANT = 3.0  # sigma that a bias must differ from none, to be taken from a
 
 
 def mean_rate(inc: Increments, until: float) -> Array:
-    """Mean angular rate of the standing start, (3,) rad/s."""
+    """Mean angular rate of the initial standstill, (3,) rad/s."""
     on = inc.edge[1:] <= until + 1e-9
     return np.asarray(inc.rotation[on].sum(0) / np.diff(inc.edge)[on].sum())
 
 
-def levelled(inc: Increments, speed: Array | None, still_until: float, bias: Array) -> Array:
+def levelled(inc: Increments, speed: Array | None, standstill_until: float, bias: Array) -> Array:
     """Attitude with heading zero from the mean specific force at the start, (3, 3).
 
     On the move the force is turned back to the start with the gyro less its `bias` (3,) rad/s, and
     what the `speed` (M + 1,) m/s at the edges says of forward and centripetal acceleration is taken
     off.
     """
-    until = still_until if still_until > 0 else inc.edge[0] + LEVELLING_S
+    until = standstill_until if standstill_until > 0 else inc.edge[0] + LEVELLING_S
     on = int((inc.edge[1:] <= until + 1e-9).sum())
     dt = np.diff(inc.edge)[:on]
     force = inc.velocity[:on] / dt[:, None]
-    if still_until <= 0:
+    if standstill_until <= 0:
         force = driving_removed(inc, speed)[:on]
         rotation = inc.rotation[:on] - bias * dt[:, None]
         force = so3.mv(since_node(rotation, np.array([0, on])), force)

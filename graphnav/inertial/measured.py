@@ -15,7 +15,7 @@ from graphnav.inertial.sample_clock import SampleClock, sample_clock
 from graphnav.inertial.screening import NAMES, Screened, screened
 
 LONGEST_S = 3600.0  # a longer gap is the clock's, not the IMU's
-RESTS, RESTS_S = 0.02, 0.5  # m/s over s to either side: the wheels stand
+STANDSTILL_SPEED, STANDSTILL_WINDOW_S = 0.02, 0.5  # m/s over s to either side: the wheels stand
 
 
 def measured(run: Run) -> Run:
@@ -32,7 +32,7 @@ def measured(run: Run) -> Run:
     imu = run.imu
     assert imu is not None
     clock = sample_clock(imu.time)
-    found = screened(imu, clock.step, _resting(run, imu.time))
+    found = screened(imu, clock.step, _at_standstill(run, imu.time))
     seen = np.ones((len(imu.time), 2), bool)
     for fault in found:
         seen[fault.mask, fault.sensor] = False
@@ -78,11 +78,11 @@ def _odometer(run: Run, imu: Imu) -> tuple[Odometer | None, list[str]]:
     return (without(odometer, failed) if notes else odometer), notes
 
 
-def _resting(run: Run, time: Array) -> Mask:
+def _at_standstill(run: Run, time: Array) -> Mask:
     """Where the odometer is heard to stand still, at times (N,) s."""
     if run.odometer is None:
         return np.zeros(len(time), bool)
-    slow = np.abs(speed_at(run.odometer, time, RESTS_S)) < RESTS
+    slow = np.abs(speed_at(run.odometer, time, STANDSTILL_WINDOW_S)) < STANDSTILL_SPEED
     return np.asarray(slow & (time > run.odometer.time[0]) & (time < run.odometer.time[-1]))
 
 

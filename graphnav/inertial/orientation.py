@@ -34,7 +34,7 @@ class Oriented:
     run: Run
     vehicle: Vehicle
     inc: Increments
-    told: tuple[Remark, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
 
 def oriented(run: Run, vehicle: Vehicle, inc: Increments) -> Oriented:
@@ -70,7 +70,7 @@ def _turned(run: Run, vehicle: Vehicle, inc: Increments, R_new: Array, sd: float
     overruled = _angle(R_new) > OVERRULED
     front = 0.0 if overruled else _front(R_new)
     said = _axes_overruled(vehicle, R_new) if overruled else _mounted(R_new, front)
-    told = (*_heading_doubted(run, vehicle, front, sd, 0.0), said)
+    remarks = (*_heading_doubted(run, vehicle, front, sd, 0.0), said)
     mount_sd = float(np.hypot(vehicle.odometer.mount_sd_deg, np.rad2deg(sd)))
     # axes that are not there had no forward one: headings were the vehicle's
     whose = {"heading_of": "vehicle"} if overruled and sd > 0 else {}
@@ -88,15 +88,15 @@ def _turned(run: Run, vehicle: Vehicle, inc: Increments, R_new: Array, sd: float
         heading = replace(heading, heading=heading.heading - front)
     names = ("rotation", "velocity", "position")
     new = replace(inc, **{name: getattr(inc, name) @ R_new.T for name in names})
-    return Oriented(replace(run, imu=imu, heading=heading), turned, new, told)
+    return Oriented(replace(run, imu=imu, heading=heading), turned, new, remarks)
 
 
 def _axes_overruled(vehicle: Vehicle, R_new: Array) -> Remark:
     """Another axis order than the stated one."""
     recorded = R_new @ vehicle.imu.axes_matrix
     order = _nearest(recorded)
-    rest = _angle(recorded @ axes_matrix(order).T)
-    besides = f" but for {np.rad2deg(rest):.0f} deg" if rest > 1e-6 else ""
+    left = _angle(recorded @ axes_matrix(order).T)
+    besides = f" but for {np.rad2deg(left):.0f} deg" if left > 1e-6 else ""
     return Remark(
         f'[imu] axes = "{vehicle.imu.axes}" does not hold: by gravity and driving x, y, z point to '
         f"{order}{besides}; read so, headings as the vehicle's",

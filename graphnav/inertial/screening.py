@@ -48,10 +48,10 @@ class Screened:
     mask: Mask  # (N,)
 
 
-def screened(imu: Imu, step: float, resting: Mask, causal: bool = False) -> list[Screened]:
+def screened(imu: Imu, step: float, at_standstill: Mask, causal: bool = False) -> list[Screened]:
     """What the samples of an IMU hold that is no measurement; `step` s between samples.
 
-    `resting` (N,) where the vehicle is heard to stand: there a quiet sensor may repeat itself.
+    `at_standstill` (N,) where the vehicle is heard to stand: a sensor may repeat itself there.
     `causal`: few samples after a spike are waited for.
     """
     absurd = [_absurd(x, most) for x, most in zip((imu.gyro, imu.accel), ABSURD, strict=True)]
@@ -65,7 +65,7 @@ def screened(imu: Imu, step: float, resting: Mask, causal: bool = False) -> list
         found += [
             Screened(sensor, "out of any range", absurd[sensor]),
             Screened(sensor, "a spike", own),
-            Screened(sensor, "stuck", stuck := _stuck(sound[sensor], step, resting)),
+            Screened(sensor, "stuck", stuck := _stuck(sound[sensor], step, at_standstill)),
             Screened(sensor, "a repeat of the sample before", held & ~stuck),
             Screened(sensor, "a straight line from one sample to another", filled),
             Screened(sensor, "clipped", _clipped(sound[sensor])),
@@ -158,7 +158,7 @@ def _quantum(moved: Array) -> float:
     return float(few.min()) if len(few) else TINY
 
 
-def _stuck(values: Array, step: float, resting: Mask) -> Mask:
+def _stuck(values: Array, step: float, at_standstill: Mask) -> Mask:
     """Samples (N,) that repeat the one before for longer than the sensor ever would by chance."""
     same = np.diff(values, axis=0) == 0
     out = np.zeros(len(values), bool)
@@ -175,7 +175,7 @@ def _stuck(values: Array, step: float, resting: Mask) -> Mask:
         for a, b in zip(first[long].tolist(), end[long].tolist(), strict=True):
             likely = len(values) * by_chance ** (b - a)
             never = a == 0 and b > OWN_SHARE * len(values)  # not recorded, from the beginning
-            if likely < CHANCE and not never and resting[a : b + 1].mean() <= 0.5:
+            if likely < CHANCE and not never and at_standstill[a : b + 1].mean() <= 0.5:
                 out[a + 1 : b + 1] = True
     return out
 
@@ -229,8 +229,8 @@ def _chance(so: NDArray[np.bool_], all_so: Mask, at: NDArray[np.intp]) -> Array:
     """
     low, high = np.maximum(at - THEREABOUTS, 0), np.minimum(at + THEREABOUTS, len(so))
     alone = np.concatenate([np.zeros((1, 6), int), np.cumsum(so & ~all_so[:, None], axis=0)])
-    told = np.concatenate([[0], np.cumsum(~all_so)])
-    count, of = alone[high] - alone[low], told[high] - told[low]
+    rows = np.concatenate([[0], np.cumsum(~all_so)])
+    count, of = alone[high] - alone[low], rows[high] - rows[low]
     return np.asarray(((count + 1) / (of + 1)[:, None]).prod(axis=1))
 
 

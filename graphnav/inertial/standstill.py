@@ -1,9 +1,10 @@
 """Where the vehicle stands: a hypothesis that running gear, IMU and fixes may contradict.
 
-A silent odometer (both sides, where there are two) and a quiet IMU name the candidates. What turns
-at another rate than the gyros show at rest is a turn on the spot; what slows otherwise than the
-odometer is a locked wheel. A vehicle that stands may be carried: see `carried`. Batch and stream
-judge with the same functions, the stream with what it knows by then.
+Running gear that stopped (both sides, where there are two) and a steady IMU name the candidates.
+What turns at another rate than the gyros show at standstill is a turn on the spot; what slows
+otherwise than the odometer is a locked wheel. A vehicle that stands may be carried: see
+`carried_standstill`. Batch and stream judge with the same functions, the stream with what it knows
+by then.
 """
 
 from dataclasses import dataclass, replace
@@ -12,26 +13,26 @@ import numpy as np
 
 from factors.preintegration import Increments
 from graphnav.common.run import Array, Gnss, Odometer, Run
-from graphnav.inertial.carried import carried_in, moved_along, moving_rests
+from graphnav.inertial.carried_standstill import carried_in, moved_along, moving_standstills
 from graphnav.inertial.odometry import speed_at
-from graphnav.inertial.quietness import (
+from graphnav.inertial.standstill_evidence import (
     REACH_S,
     SHORTEST_S,
     Mask,
-    Quietness,
+    StandstillEvidence,
     long_enough,
-    quietness,
     spans,
+    standstill_evidence,
     within,
 )
-from graphnav.inertial.rest_rate import RestRate, rest_rate
+from graphnav.inertial.standstill_rate import StandstillRate, standstill_rate
 
-BEGINS_S = 0.7  # of the run's start: a rest that begins later is no standing start
+BEGINS_S = 0.7  # of the run's start: a standstill that begins later is no initial standstill
 SPEED_SLACK, SPEED_DRIFT = 0.3, 0.01  # m/s and m/s^2, of a speed reckoned from the IMU alone
 MOST_SLACK = 1.5  # m/s; a speed known worse than this tells no stop from a crawl
-BRAKING_S, BRAKING_SLACK = 2.0, 2.5  # s before a rest, m/s of braking the IMU may miss there
-# without an odometer the IMU alone must be this still: m/s^2 and rad/s, standard deviations
-QUIET_FORCE, QUIET_RATE = 0.06, 0.004
+BRAKING_S, BRAKING_SLACK = 2.0, 2.5  # s before a standstill, m/s of braking the IMU may miss there
+# without an odometer the IMU alone must be this steady: m/s^2 and rad/s, standard deviations
+LONE_IMU_FORCE, LONE_IMU_RATE = 0.06, 0.004
 MOST_FORCE, MOST_RATE = 3.0, 0.2  # the same with an odometer: what shakes more does not stand
 USUAL_FACTOR, LEAST_FORCE, LEAST_RATE = 4.0, 1e-3, 1e-6  # of the usual deviation; m/s^2, rad/s
 
@@ -41,13 +42,13 @@ class Standstill:
     """Where the vehicle stands on its wheels, and where it is carried as it stands."""
 
     edge: Array  # (M + 1,) s, of the increments
-    still: Mask  # (M,) stands, carried or not
+    at_standstill: Mask  # (M,) stands, carried or not
     carried: Mask  # (M, 2) the ground moves, horizontally or vertically; its wheels say nothing
 
     @property
-    def rests(self) -> Array:
-        """Spans at rest on ground that does not move, (K, 2) s."""
-        return spans(self.still & ~self.carried.any(1), self.edge)
+    def standstills(self) -> Array:
+        """Spans at standstill on ground that does not move, (K, 2) s."""
+        return spans(self.at_standstill & ~self.carried.any(1), self.edge)
 
     @property
     def moved(self) -> Array:
@@ -60,49 +61,51 @@ class Standstill:
 
     @property
     def changes(self) -> Array:
-        """Times at which standing, or being carried, begins or ends, s."""
-        state = np.column_stack([self.still, self.carried])
+        """Times at which standstill, or being carried, begins or ends, s."""
+        state = np.column_stack([self.at_standstill, self.carried])
         return np.asarray(self.edge[1:-1][(state[1:] != state[:-1]).any(1)])
 
 
 @dataclass(frozen=True)
-class Usual:
+class StandstillLimits:
     """What is usual at standstill: the most deviation of force and rate, and the rate itself."""
 
-    shake: float  # m/s^2
-    turn: float  # rad/s
-    rest: RestRate | None  # None: nothing yet, or nothing that is no turn
+    force_sd: float  # m/s^2
+    rate_sd: float  # rad/s
+    gyro: StandstillRate | None  # None: nothing yet, or nothing that is no turn
 
-    def quiet(self, q: Quietness) -> Mask:
+    def steady(self, q: StandstillEvidence) -> Mask:
         """Whether each increment is as quiet as a standstill, turning or not, (M,)."""
-        return np.asarray(q.silent & (q.shake < self.shake) & (q.turn < self.turn))
+        return np.asarray(
+            q.gear_stopped & (q.force_sd < self.force_sd) & (q.rate_sd < self.rate_sd)
+        )
 
-    def still(self, q: Quietness) -> Mask:
+    def allow(self, q: StandstillEvidence) -> Mask:
         """Whether the vehicle may stand during each increment, (M,)."""
-        if self.rest is None:
-            return np.zeros(len(q.silent), bool)
-        away = np.linalg.norm(q.rate - self.rest.rate, axis=1)
-        return np.asarray(self.quiet(q) & (away < self.rest.tolerance))
+        if self.gyro is None:
+            return np.zeros(len(q.gear_stopped), bool)
+        away = np.linalg.norm(q.rate - self.gyro.rate, axis=1)
+        return np.asarray(self.steady(q) & (away < self.gyro.tolerance))
 
 
-def limits(deviation: Array, heard: bool) -> tuple[float, float]:
-    """Most deviation of force [m/s^2] and rate [rad/s] at rest, from those (n, 2) while the
-    running gear was silent; where none is `heard`, the IMU alone must be still.
+def deviation_limits(deviation: Array, heard: bool) -> tuple[float, float]:
+    """Most deviation of force [m/s^2] and rate [rad/s] at standstill, from those (n, 2) while the
+    running gear was stopped; where none is `heard`, the IMU alone must be steady.
     """
     if not heard:
-        return QUIET_FORCE, QUIET_RATE
+        return LONE_IMU_FORCE, LONE_IMU_RATE
     if not len(deviation):
         return 0.0, 0.0
-    shake, turn = USUAL_FACTOR * np.median(deviation, axis=0) + (LEAST_FORCE, LEAST_RATE)
-    return min(float(shake), MOST_FORCE), min(float(turn), MOST_RATE)
+    force_sd, rate_sd = USUAL_FACTOR * np.median(deviation, axis=0) + (LEAST_FORCE, LEAST_RATE)
+    return min(float(force_sd), MOST_FORCE), min(float(rate_sd), MOST_RATE)
 
 
-def noise_of(turn: Array, width: int) -> float:
+def noise_of(rate_sd: Array, width: int) -> float:
     """One sigma of a window's mean rate [rad/s] from the deviations (n,) inside windows."""
-    return float(np.median(turn)) / np.sqrt(width) if len(turn) else 0.0
+    return float(np.median(rate_sd)) / np.sqrt(width) if len(rate_sd) else 0.0
 
 
-def standstill(inc: Increments, run: Run, gnss: Gnss | None, bias_sd: float) -> Standstill:
+def find_standstill(inc: Increments, run: Run, gnss: Gnss | None, bias_sd: float) -> Standstill:
     """Where the vehicle of a run stands, and where it is carried.
 
     The quietness usual among the candidates decides, so that an odometer that reads zero while the
@@ -110,74 +113,76 @@ def standstill(inc: Increments, run: Run, gnss: Gnss | None, bias_sd: float) -> 
     the gyro bias expected.
     """
     odometer = run.odometer
-    q = quietness(inc, odometer, run.sides)
+    q = standstill_evidence(inc, odometer, run.sides)
     if odometer is not None:
-        q = replace(q, silent=q.silent | before_the_odometer(inc, odometer, q))
-    still = usual_of(q, odometer is not None, bias_sd).still(q)
-    rests = spans(long_enough(still, inc.edge), inc.edge)
+        q = replace(q, gear_stopped=q.gear_stopped | before_the_odometer(inc, odometer, q))
+    at_standstill = standstill_limits(q, odometer is not None, bias_sd).allow(q)
+    standstills = spans(long_enough(at_standstill, inc.edge), inc.edge)
     if odometer is None:
-        kept = within(inc.edge, rests)
+        kept = within(inc.edge, standstills)
         if gnss is not None:
-            kept &= ~carried_in(inc.edge, moved_along(rests, gnss)).any(1)
-        return Standstill(inc.edge, kept, np.zeros((len(still), 2), bool))
-    rests = braked(rests, inc, odometer)
-    silences = spans(long_enough(q.silent, inc.edge), inc.edge)
-    carried = carried_in(inc.edge, moving_rests(inc, rests, silences))
+            kept &= ~carried_in(inc.edge, moved_along(standstills, gnss)).any(1)
+        return Standstill(inc.edge, kept, np.zeros((len(at_standstill), 2), bool))
+    standstills = braked(standstills, inc, odometer)
+    gear_stops = spans(long_enough(q.gear_stopped, inc.edge), inc.edge)
+    carried = carried_in(inc.edge, moving_standstills(inc, standstills, gear_stops))
     if gnss is not None:
-        carried |= carried_in(inc.edge, moved_along(silences, gnss))
-    return Standstill(inc.edge, within(inc.edge, rests), carried)
+        carried |= carried_in(inc.edge, moved_along(gear_stops, gnss))
+    return Standstill(inc.edge, within(inc.edge, standstills), carried)
 
 
-def usual_of(q: Quietness, heard: bool, bias_sd: float) -> Usual:
+def standstill_limits(q: StandstillEvidence, heard: bool, bias_sd: float) -> StandstillLimits:
     """What is usual at standstill over a run; `heard` whether it has an odometer."""
-    shake, turn = limits(np.column_stack([q.shake, q.turn])[q.silent], heard)
-    usual = Usual(shake, turn, None)
-    quiet = usual.quiet(q)
-    noise = noise_of(q.turn[quiet], q.width)
-    moving = q.rate[~q.silent if heard else ~quiet]
-    found = rest_rate(q.rate[quiet][:: q.width], moving[:: q.width], noise, bias_sd)
-    return Usual(shake, turn, found)
+    force_sd, rate_sd = deviation_limits(
+        np.column_stack([q.force_sd, q.rate_sd])[q.gear_stopped], heard
+    )
+    usual = StandstillLimits(force_sd, rate_sd, None)
+    steady = usual.steady(q)
+    noise = noise_of(q.rate_sd[steady], q.width)
+    moving = q.rate[~q.gear_stopped if heard else ~steady]
+    found = standstill_rate(q.rate[steady][:: q.width], moving[:: q.width], noise, bias_sd)
+    return StandstillLimits(force_sd, rate_sd, found)
 
 
-def before_the_odometer(inc: Increments, odometer: Odometer, q: Quietness) -> Mask:
-    """A quiet beginning of the run, over before the odometer is heard: a standing start."""
+def before_the_odometer(inc: Increments, odometer: Odometer, q: StandstillEvidence) -> Mask:
+    """A quiet beginning of the run, over before the odometer is heard: an initial standstill."""
     early = inc.edge[1:] < odometer.time[0] - REACH_S
-    quiet = early & (q.shake < QUIET_FORCE) & (q.turn < QUIET_RATE)
-    begun = np.logical_and.accumulate(quiet)
+    steady = early & (q.force_sd < LONE_IMU_FORCE) & (q.rate_sd < LONE_IMU_RATE)
+    begun = np.logical_and.accumulate(steady)
     return np.asarray(begun & (begun.sum() * np.diff(inc.edge).mean() > SHORTEST_S))
 
 
-def believable(rests: Array, time: Array, speed: Array) -> Array:
-    """The rests (K, 2) s at which a reckoned speed (n,) m/s at `time` may have been zero."""
+def believable(standstills: Array, time: Array, speed: Array) -> Array:
+    """The standstills (K, 2) s at which a reckoned speed (n,) m/s at `time` may have been zero."""
     kept: list[Array] = []
-    for rest in rests:
-        if may_stand(rest, kept[-1] if kept else None, time, speed):
-            kept.append(rest)
+    for span in standstills:
+        if may_be_standstill(span, kept[-1] if kept else None, time, speed):
+            kept.append(span)
     return np.array(kept).reshape(-1, 2)
 
 
-def may_stand(rest: Array, last: Array | None, time: Array, speed: Array) -> bool:
-    """Whether a vehicle without an odometer may rest from `rest[0]` to `rest[1]` s.
+def may_be_standstill(span: Array, last: Array | None, time: Array, speed: Array) -> bool:
+    """Whether a vehicle without an odometer may stand from `span[0]` to `span[1]` s.
 
-    A smooth ride at constant speed is as quiet as a stop. The first rest, when the run begins with
-    it, is believed; each later one only while the speed reckoned since the `last` believed rest is
-    small against its own drift. A stop missed costs little, a false one ruins all.
+    A smooth ride at constant speed is as quiet as a stop. The first standstill, when the run begins
+    with it, is believed; each later one only while the speed reckoned since the `last` believed one
+    is small against its own drift. A stop missed costs little, a false one ruins all.
     """
     if last is None:
-        return bool(rest[0] - time[0] < BEGINS_S)
-    gained = np.interp(rest, time, speed) - np.interp(last[1], time, speed)
-    slack = SPEED_SLACK + SPEED_DRIFT * float(rest[0] - last[1])
+        return bool(span[0] - time[0] < BEGINS_S)
+    gained = np.interp(span, time, speed) - np.interp(last[1], time, speed)
+    slack = SPEED_SLACK + SPEED_DRIFT * float(span[0] - last[1])
     return bool(slack < MOST_SLACK and np.abs(gained).max() < slack)
 
 
-def braked(rests: Array, inc: Increments, odometer: Odometer) -> Array:
-    """The rests (K, 2) s before which the IMU slows as the odometer does: a locked wheel is none.
+def braked(standstills: Array, inc: Increments, odometer: Odometer) -> Array:
+    """The standstills (K, 2) s before which the IMU slows as the odometer does: no locked wheel.
 
-    Gravity along the vehicle is taken from the rest itself.
+    Gravity along the vehicle is taken from the standstill itself.
     """
     kept = []
     forward = np.concatenate([[0.0], np.cumsum(inc.velocity[:, 1])])
-    for start, end in rests:
+    for start, end in standstills:
         before = max(start - BRAKING_S, inc.edge[0])
         v_before, v_start, v_end = np.interp([before, start, end], inc.edge, forward)
         gravity = (v_end - v_start) / (end - start)
@@ -187,16 +192,16 @@ def braked(rests: Array, inc: Increments, odometer: Odometer) -> Array:
     return np.array(kept).reshape(-1, 2)
 
 
-def rocking(inc: Increments, rests: Array, gyro: float) -> Array:
+def rocking(inc: Increments, standstills: Array, gyro: float) -> Array:
     """One sigma of the body's angle about its mean while it stands, by axis, (3,) rad.
 
     The gyro's angle with its trend taken off: an idling engine shakes, wind and people rock. What
     the gyro's own random walk (`gyro` rad/sqrt(s)) leaves of that, T/15 of its square, is not the
-    vehicle's. The median over the rests.
+    vehicle's. The median over the standstills.
     """
     found = []
     inc_dt = float(np.diff(inc.edge).mean())
-    for start, end in rests:
+    for start, end in standstills:
         on = (inc.edge[:-1] >= start) & (inc.edge[1:] <= end)
         angle = np.cumsum(inc.rotation[on][: round(60 / inc_dt)], 0)
         if len(angle) > 10:

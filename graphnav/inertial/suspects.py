@@ -60,8 +60,8 @@ def _large(moved: Array) -> Mask:
 def _repeats(same: Mask, least: int) -> Mask:
     """Repeats (n, k) in all channels, or in one for so many samples, (n,)."""
     out: Mask = np.asarray(same.all(axis=1))
-    told = np.concatenate([np.zeros((1, same.shape[1]), int), np.cumsum(same, axis=0)])
-    long = (told[least:] - told[:-least] == least).any(axis=1)
+    count = np.concatenate([np.zeros((1, same.shape[1]), int), np.cumsum(same, axis=0)])
+    long = (count[least:] - count[:-least] == least).any(axis=1)
     for k in range(least if long.any() else 0):
         out[k : k + len(long)] |= long
     return out

@@ -123,7 +123,7 @@ class _Counted(io.RawIOBase):
     def __init__(self, archive: Unfolding, path: Path, columns: int) -> None:
         self.path = path
         self._archive, self._columns = archive, columns
-        self._size = self._rows = self._told = 0
+        self._size = self._rows = self._checked = 0
 
     @property
     def note(self) -> str:
@@ -139,8 +139,8 @@ class _Counted(io.RawIOBase):
         data = self._archive.read(size)
         self._size += len(data)
         self._rows += data.count(b"\n")
-        if self._size - self._told > READ_AT_ONCE:
-            self._told = self._size
+        if self._size - self._checked > READ_AT_ONCE:
+            self._checked = self._size
             needed = need(self._size, self._rows, self._columns)
             check_need(self.path, needed, f"what it unfolds to ({self._size / 1e6:.0f} MB so far)")
         return data

@@ -34,14 +34,14 @@ def times_of(words: pa.Array) -> tuple[Array, Mask, str] | None:
         dated = series.where(series.str.fullmatch(DATED))  # of a bare year pandas makes a date too
         moments = pd.to_datetime(dated, format="ISO8601", utc=True, errors="coerce")
         since = (moments - pd.Timestamp(0, tz="UTC")).dt
-        told = f"times are ISO 8601, {zone}: read as seconds since 1970"
+        note = f"times are ISO 8601, {zone}: read as seconds since 1970"
     elif _share(words, OF_DAY) > 0.5:
         since = pd.to_timedelta(series, errors="coerce").dt
-        told = "times are of the day: read as seconds since midnight"
+        note = "times are of the day: read as seconds since midnight"
     else:
         return None
     seconds = _seconds(since)
-    return seconds, np.isnan(seconds), told
+    return seconds, np.isnan(seconds), note
 
 
 def _seconds(since: "pd.core.indexes.accessors.TimedeltaProperties") -> Array:  # type: ignore[name-defined]  # noqa: F821
@@ -71,9 +71,9 @@ def unrolled(clock: Array) -> tuple[Array, str | None]:
         if len(across) and clock.max() <= period:
             turns = np.zeros(len(clock))
             turns[across + 1] = period
-            told = (
+            note = (
                 f"the clock begins anew after {clock[across[0]]:.15g} ({name}): "
                 f"{period:.15g} s are added from there on"
             )
-            return clock + np.cumsum(turns), told
+            return clock + np.cumsum(turns), note
     return clock, None

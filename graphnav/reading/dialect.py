@@ -78,7 +78,7 @@ def dialect_of(path: Path, head: bytes) -> Dialect:
     decimal = _decimal(path, separator, table, len(names))
     extra = _trailing(table, len(names))
     check_columns(path, names)
-    how = [*_read_as(encoding, separator, decimal), *_header_told(lines[at], at)]
+    how = [*_read_as(encoding, separator, decimal), *_header_note(lines[at], at)]
     how += [f"line {skip} as units, not as samples"] * bool(units)
     how += ["blank cells at the end of lines"] * bool(extra or not names[-1])
     notes = (f"{path.name} is read with " + ", ".join(how),) if how else ()
@@ -212,7 +212,7 @@ def _read_as(encoding: str, separator: str, decimal: str) -> list[str]:
     return how
 
 
-def _header_told(header: str, at: int) -> list[str]:
+def _header_note(header: str, at: int) -> list[str]:
     if is_aside(header):
         return [f"the comment in line {at + 1} as header"]
     return [f"line {at + 1} as header"] if at else []

@@ -36,11 +36,11 @@ class Understood:
     damaged: Mask  # (N,)
     why: list[tuple[int, str]]  # line and what is wrong, in the order of lines
     blanks: Counter[str] = field(default_factory=Counter)  # words read as blank
-    told: list[str] = field(default_factory=list)
+    said: list[str] = field(default_factory=list)
 
     def notes(self) -> list[str]:
         """What was read otherwise than it stands."""
-        found = list(self.told)
+        found = list(self.said)
         if self.blanks:
             words = ", ".join(f"'{word}' ({count})" for word, count in self.blanks.most_common(4))
             found.append(f"cells that say there is no sample are read as blank: {words}")
@@ -55,15 +55,15 @@ class Understood:
 def understood(cells: Cells, names: Sequence[str], clock: str) -> Understood:
     """Columns `names` as numbers; times as text in the column `clock` too."""
     rows = len(cells.numbers)
-    found = Understood({}, np.zeros(rows, bool), list(cells.broken), told=list(cells.notes))
+    found = Understood({}, np.zeros(rows, bool), list(cells.broken), said=list(cells.notes))
     for name in names:
         values, odd, bad = numbers_of(cells.text[name], cells.decimal)
         if name == clock and bad.sum() > rows / 2:
             times = times_of(cells.text[name])
             if times is not None:
-                values, bad, told = times
+                values, bad, note = times
                 odd = np.zeros(rows, bool)
-                found.told.append(told)
+                found.said.append(note)
         found.columns[name] = values
         found.blanks.update(word.strip() for word in _at(cells.text[name], odd))
         fresh = np.flatnonzero(bad & ~found.damaged)

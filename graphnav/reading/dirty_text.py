@@ -30,12 +30,12 @@ class Lines:
 
     def notes(self) -> tuple[str, ...]:
         """What was passed over."""
-        told = []
+        notes = []
         if self.comments:
-            told.append(f"{self.comments} comment lines passed over")
+            notes.append(f"{self.comments} comment lines passed over")
         if self.cut:
-            told.append(f"blank cells beyond the header cut off in {self.cut} lines")
-        return tuple(told)
+            notes.append(f"blank cells beyond the header cut off in {self.cut} lines")
+        return tuple(notes)
 
 
 def lines_of(stream: IO[str], dialect: Dialect, where: str) -> Lines:

@@ -50,14 +50,14 @@ def read_fixes(samples: Samples, vehicle: Vehicle) -> tuple[Gnss | None, list[st
         _repeated(time[rows], np.column_stack([fix, height[rows]])),
         "GNSS rows repeat the fix before",
     )
-    sd, told = _deviations(samples, rows, vehicle.gnss.sd)
+    sd, stated = _deviations(samples, rows, vehicle.gnss.sd)
     up, flat = _heights(height[rows], vehicle.start.height or 0.0)
     if flat.any():
         notes.append(f"{int(flat.sum())} of {len(rows)} fixes have no height: used horizontally")
         sd[flat, 2] = BLIND_SD
     found = Gnss(time[rows], fix[:, 0], fix[:, 1], up, sd)
     scattered, more = _scattered(found)
-    return scattered, [*notes, *told, *more]
+    return scattered, [*notes, *stated, *more]
 
 
 def _continuous(lon_deg: Array) -> Array:
@@ -106,11 +106,11 @@ def _deviations(
     if not unknown.any():
         return sd, []
     which = [name for name, u in zip(GNSS_SD, unknown.T, strict=True) if u.any()]
-    told = (
+    stated = (
         f"{', '.join(which)} not given for {int(unknown.any(-1).sum())} of {len(rows)} fixes: "
         f"{default:g} m assumed; set [gnss] sd [m]"
     )
-    return np.where(unknown, default, sd), [told]
+    return np.where(unknown, default, sd), [stated]
 
 
 def _scattered(gnss: Gnss) -> tuple[Gnss, list[str]]:

@@ -36,8 +36,8 @@ def inertial(samples: Samples, axes: Array) -> Inertial:
     there = replace(samples, columns=samples.columns | _stand_ins(samples, axes, blind))
     found = _side_by_side(there)
     sensed = tuple(name not in blind for name in GYRO + ACCEL)
-    told = f"{', '.join(blind)} not recorded: roll and pitch rest on the accelerometers"
-    return replace(found, sensed=sensed, notes=(*([told] if blind else []), *found.notes))
+    note = f"{', '.join(blind)} not recorded: roll and pitch rest on the accelerometers"
+    return replace(found, sensed=sensed, notes=(*([note] if blind else []), *found.notes))
 
 
 def _blind(samples: Samples, axes: Array) -> tuple[str, ...]:

@@ -18,9 +18,9 @@ from graphnav.reading.vehicle import Vehicle
 Array = NDArray[np.float64]
 
 FASTEST_TURN = 6.0  # rad/s kept up for a second: no land vehicle turns a revolution that fast
-STILL_FORCE = 0.02  # m/s^2, change of the mean force from one second to the next, at rest
+STANDSTILL_FORCE = 0.02  # m/s^2, change of the mean force from one second to the next, at rest
 UP_SHARE = 0.8  # of gravity that must lie on the up axis (37 deg of slope)
-FEW_RESTING, COMMON_SHARE = 5, 0.9  # seconds at rest; share of them that show one rate
+FEW_STANDSTILL, COMMON_SHARE = 5, 0.9  # seconds at rest; share of them that show one rate
 FAR_M = 300e3  # from the start, of the middle of the fixes
 TRAVELLED_M = 100.0  # between fixes; less may be their scatter
 DEG_CURE = 'set [columns] gyro = { unit = "deg/s" } in the vehicle file'
@@ -106,16 +106,16 @@ def check_rates(run: Run, vehicle: Vehicle) -> None:
 
 
 def _idle(now: Seconds) -> float:
-    """The rate common to all rests, rad/s; 0 where there is none.
+    """The rate common to all standstills, rad/s; 0 where there is none.
 
-    A steady turn on the spot looks like a rest, but it ends, and is not there on the move.
+    A steady turn on the spot looks like a standstill, but it ends, and is not there on the move.
     """
-    rest = _rest(now)
-    if rest.sum() < FEW_RESTING:
+    at_standstill = _at_standstill(now)
+    if at_standstill.sum() < FEW_STANDSTILL:
         return 0.0
-    usual = np.median(now.rate[rest], axis=0)
+    usual = np.median(now.rate[at_standstill], axis=0)
     idle = float(np.linalg.norm(usual))
-    apart = np.linalg.norm(now.rate[rest] - usual, axis=1)
+    apart = np.linalg.norm(now.rate[at_standstill] - usual, axis=1)
     if np.mean(apart < 0.5 * idle) < COMMON_SHARE:
         return 0.0
     moving = np.abs(now.speed) > 0.5
@@ -222,11 +222,11 @@ def _from(lat_0: float, lon_0: float, lat: ArrayLike, lon: ArrayLike) -> Array:
     return origin.local(np.deg2rad(lat), np.deg2rad(lon), np.zeros_like(lat))
 
 
-def _rest(now: Seconds) -> NDArray[np.bool_]:
+def _at_standstill(now: Seconds) -> NDArray[np.bool_]:
     """Seconds in which neither force nor odometer moves, with quiet neighbours."""
     change = np.linalg.norm(np.diff(now.force, axis=0, append=now.force[-1:]), axis=1)
     moving = (np.abs(now.speed) > 0.02) | (np.abs(now.gain) > 0.02)  # False without odometer
-    return np.asarray((change < STILL_FORCE) & ~moving)
+    return np.asarray((change < STANDSTILL_FORCE) & ~moving)
 
 
 def _correlation(x: Array, y: Array) -> float:

@@ -208,8 +208,8 @@ def _counted_sides(reader: _Reader) -> SideSpeeds | None:
 def _gnss(reader: _Reader) -> Gnss | None:
     if not reader.samples.has(GNSS):
         return None
-    found, told = read_fixes(reader.samples, reader.vehicle)
-    reader.notes.extend(told)
+    found, notes = read_fixes(reader.samples, reader.vehicle)
+    reader.notes.extend(notes)
     return found
 
 

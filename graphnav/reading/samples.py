@@ -86,10 +86,10 @@ def read_samples(file: TableFile, vehicle: Vehicle) -> Samples:
     _check_rows(file, len(scaled["time"]), "under the header")
     ordered = in_order(table.file, scaled)
     _check_rows(file, len(ordered.rows), "of different times")
-    degrees, told = in_degrees(str(file.path), ordered.columns, vehicle)
+    degrees, note = in_degrees(str(file.path), ordered.columns, vehicle)
     possible, notes = without_impossible(ordered.file, degrees)
     ignored = tuple(name for name in file.header if name not in names.values())
-    notes = [*table.notes, *ordered.notes, *([told] if told else []), *notes]
+    notes = [*table.notes, *ordered.notes, *([note] if note else []), *notes]
     return Samples(ordered.file, _rates(possible, vehicle), ignored, tuple(notes))
 
 

@@ -87,14 +87,14 @@ def read_table(
     Raises InputError where more than a few lines are no table or hold something else.
     """
     try:
-        table, told = _cells(file, {**dict.fromkeys(names, pa.float64()),
+        table, said = _cells(file, {**dict.fromkeys(names, pa.float64()),
                                     **dict.fromkeys(words, pa.string())})  # fmt: skip
     except UNREADABLE:
         return _read_dirty(file, names, words, clock)
     columns = [np.asarray(table[name].to_numpy(), float) for name in names]
     if any(np.isinf(column).any() for column in columns):
         return _read_dirty(file, names, words, clock)
-    notes = (*(file.dialect.notes if file.dialect else ()), *told)
+    notes = (*(file.dialect.notes if file.dialect else ()), *said)
     return Table(file, dict(zip(names, columns, strict=True)), _texts(table, words), notes)
 
 
@@ -174,7 +174,7 @@ def _text_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
     with bounds.opened(file.path, len(dialect.names)) as stream:
         text = io.TextIOWrapper(io.BufferedReader(stream, 1 << 20), dialect.encoding, "replace")
         lines = dirty_text.lines_of(text, dialect, str(file.path))
-        told = bounds.note_of(stream)
+        said = bounds.note_of(stream)
     wanted = [dialect.names.index(name) for name in names]
     columns = dirty_text.columns_of(lines, len(dialect.names), wanted)
     return dirty_cells.Cells(
@@ -182,7 +182,7 @@ def _text_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
         np.array(lines.number, np.intp),
         dialect.decimal,
         tuple(lines.damaged),
-        (*lines.notes(), *told),
+        (*lines.notes(), *said),
     )
 
 

@@ -59,13 +59,13 @@ def read_truth(path: Path) -> "DataFrame":
 
 def _without_absurd(truth: "DataFrame") -> list[str]:
     """Blank velocities and angles that are none, in place; what to say of it."""
-    told = []
+    notes = []
     for name in truth.columns.intersection(OPTIONAL):
         absurd = truth[name].abs() > (FASTEST if name.startswith("v_") else WIDEST_DEG)
         if absurd.any():
-            told.append(f"{int(absurd.sum())} values of {name} are none: read as blank")
+            notes.append(f"{int(absurd.sum())} values of {name} are none: read as blank")
             truth.loc[absurd, name] = np.nan
-    return told
+    return notes
 
 
 def read_trajectory(path: Path) -> "DataFrame":

@@ -74,7 +74,7 @@ class Kinematics:
     v_o: Array  # m/s, odometer in nominal metres; NaN where none
     yaw_rate: Array  # rad/s, up positive, Earth rate removed (A3)
     a_c: Array  # m/s^2, A4: right positive, so -v_y phi_dot: negative in a left turn; NaN unknown
-    standing: NDArray[np.bool_]  # from a zero-velocity detector; may be all False
+    at_standstill: NDArray[np.bool_]  # from a zero-velocity detector; may be all False
     accel_y: Array | None = None  # m/s^2, forward, gravity compensated
 
 
@@ -106,9 +106,9 @@ def with_probabilities(
     probability = posterior(chain)
     segment = timeline.segment_at(time)
     column = np.array([int(np.flatnonzero(names == s)[0]) for s in timeline.state])
-    told = probability[np.arange(len(time)), column[segment]]
+    decided = probability[np.arange(len(time)), column[segment]]
     count = np.bincount(segment, minlength=len(timeline))
-    total = np.bincount(segment, told, minlength=len(timeline))
+    total = np.bincount(segment, decided, minlength=len(timeline))
     return replace(timeline, probability=np.where(count > 0, total / np.maximum(count, 1), 1.0))
 
 
@@ -184,7 +184,7 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
         odometer=v_o[taken],
         yaw_rate=turning[taken],
         turned=np.abs(averaged(kinematics.yaw_rate, 1.0))[taken],
-        standing=kinematics.standing[taken],
+        at_standstill=kinematics.at_standstill[taken],
         odometer_before=v_o[back],
         odometer_after=v_o[ahead],
         yaw_rate_before=turning[back],

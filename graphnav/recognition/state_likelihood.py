@@ -45,7 +45,7 @@ class Moments:
     odometer: Array  # m/s, nominal; NaN where none
     yaw_rate: Array  # rad/s, magnitude
     turned: Array  # rad, magnitude of the heading change in 1 s
-    standing: NDArray[np.bool_]
+    at_standstill: NDArray[np.bool_]
     odometer_before: Array  # m/s, HALF_WINDOW earlier
     odometer_after: Array
     yaw_rate_before: Array  # rad/s, magnitude
@@ -104,7 +104,7 @@ def step_likelihood(
     per_state = [
         rarer * _speed(moments, model)
         + once
-        * (_odometer(moments, model) + _radius(moments, model, gauge) + _rest(moments, model))
+        * (_odometer(moments, model) + _radius(moments, model, gauge) + _standstill(moments, model))
         for model in models
     ]
     same_state: Array = np.einsum("tii->ti", increments)
@@ -143,7 +143,7 @@ def _speed(moments: Moments, model: StateModel) -> Array:
 
 
 def _odometer(moments: Moments, model: StateModel) -> Array:
-    """Density of the odometer's own reading: nothing at rest, below the state's limit else."""
+    """Density of the odometer's own reading: zero at standstill, else below the state's limit."""
     if model.correction.state == "stop":
         density = _gaussian(moments.odometer, np.full_like(moments.odometer, 0.06))
         return np.nan_to_num(np.maximum(density, 4 * OUTLIER))
@@ -188,7 +188,7 @@ def _share_inside(place: Array, nearest: float, farthest: float, blur: Array) ->
     return inside
 
 
-def _rest(moments: Moments, model: StateModel) -> Array:
+def _standstill(moments: Moments, model: StateModel) -> Array:
     """Zero-velocity detector, and the heading change of A16 that overrules every other state."""
     beyond = (moments.turned - model.largest_turn) / (0.1 * model.largest_turn)
     is_large = model.correction.state == "turn_large"
@@ -196,7 +196,7 @@ def _rest(moments: Moments, model: StateModel) -> Array:
     if model.correction.state != "stop":
         return size
     turning = -0.5 * (np.maximum(moments.yaw_rate - WEAVE, 0.0) / 0.01) ** 2
-    size = size + np.maximum(turning, 4 * OUTLIER) + np.where(moments.standing, -OUTLIER, 0.0)
+    size = size + np.maximum(turning, 4 * OUTLIER) + np.where(moments.at_standstill, -OUTLIER, 0.0)
     return size
 
 

@@ -99,9 +99,11 @@ class Results:
     @cached_property
     def origin(self) -> Origin:
         """Frame n; the first trajectory row says where it lies when the summary does not."""
-        told = self.summary.get("origin")
-        if told:
-            return Origin(np.radians(told["lat"]), np.radians(told["lon"]), float(told["height"]))
+        origin = self.summary.get("origin")
+        if origin:
+            return Origin(
+                np.radians(origin["lat"]), np.radians(origin["lon"]), float(origin["height"])
+            )
         lat, lon, height, *p_n = columns(self.trajectory, "lat", "lon", "height", "e", "n", "u")[0]
         first = Origin(np.radians(lat), np.radians(lon), float(height))
         back = first.geodetic(-np.array(p_n))

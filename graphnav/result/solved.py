@@ -63,7 +63,7 @@ class Solved:
     reckoned: Path | None
     odometry: Odometry | None
     fixes_n: Array  # (F, 3) m, every fix of the run, used or not
-    rests: Array  # (K, 2) s, spans of standstill
+    standstills: Array  # (K, 2) s, spans of standstill
     solver: dict[str, Any]  # for summary.json
     verdicts: list[str]
     remarks: tuple[Remark, ...] = ()  # found before the solution

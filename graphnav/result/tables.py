@@ -132,7 +132,7 @@ def truth(solved: Solved, reference: "DataFrame") -> "DataFrame":
 
 def slips(solved: Solved) -> list[Event]:
     """Episodes from the vehicle factors; not at the edges of stops and of motion states."""
-    edges = np.concatenate([solved.rests.ravel(), solved.timeline.boundaries])
+    edges = np.concatenate([solved.standstills.ravel(), solved.timeline.boundaries])
     for block, weight in zip(solved.blocks, solved.weights, strict=True):
         if block.kind in VEHICLE_KINDS and block.sigma is not None and len(block.time):
             node = np.searchsorted(solved.node_time, block.time - 1e-6)

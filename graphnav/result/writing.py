@@ -76,12 +76,12 @@ def whole_directory(out: Path) -> Iterator[Path]:
     """
     out = _resolved(out)
     check_replaceable(out)
-    with _told(out):
+    with _complaints(out):
         out.parent.mkdir(parents=True, exist_ok=True)
         _recover(out)
         part = replacing.made_aside(out, "part")
     try:
-        with _told(out):
+        with _complaints(out):
             yield part
             _mark(part, {})
             _replace(part, out)
@@ -125,7 +125,7 @@ def keep_in_result(result: Path, name: str, run_path: Path, text: str) -> Path:
 
 
 @contextmanager
-def _told(out: Path) -> Iterator[None]:
+def _complaints(out: Path) -> Iterator[None]:
     """A full disk and its like as one line."""
     try:
         yield
@@ -187,13 +187,13 @@ def _foreign(directory: Path) -> list[Path]:
 def _own(directory: Path, name: str, listed: Mapping[str, Any]) -> bool:
     if name not in listed:
         return False
-    told = listed[name]
-    if told is None:  # a marker of names alone
+    written = listed[name]
+    if written is None:  # a marker of names alone
         return True
     try:
         stat = (directory / name).stat()
-        same = [stat.st_size, stat.st_mtime_ns] == told[:2]
-        return bool(same or _print_of(directory / name)[2] == told[2])
+        same = [stat.st_size, stat.st_mtime_ns] == written[:2]
+        return bool(same or _print_of(directory / name)[2] == written[2])
     except OSError:
         return False
 

@@ -20,8 +20,8 @@ from graphnav.result.solved import Calibrated, Odometry, Solved
 from graphnav.rover.running_gear import Wheels
 from graphnav.rover.smoother import RoverSolution, first_guess, path_of, smooth_rover
 
-STILL = 0.003  # m/s at the wheels' rim
-STILL_LEAST_S = 2.0  # a shorter pause is part of the drive
+STANDSTILL_SPEED = 0.003  # m/s at the wheels' rim
+STANDSTILL_LEAST_S = 2.0  # a shorter pause is part of the drive
 EPISODE_S, EPISODE_SHARE = 3.0, 0.25  # shorter or smaller (of the speed) is left untold
 DOUBTED = 0.3
 ODOMETER_S = 0.2
@@ -98,25 +98,25 @@ def finished(solution: RoverSolution, run: Run, vehicle: Vehicle) -> Solved:
             "iterations": solution.solution.iterations,
             "cost": solution.solution.cost,
         },
-        rests=rests(solution.problem.wheels),
+        standstills=standstills(solution.problem.wheels),
         verdicts=verdicts(solution),
         wheel_events=tuple(wheel_events(solution)),
     )
 
 
-def rests(wheels: Wheels) -> Array:
+def standstills(wheels: Wheels) -> Array:
     """Spans (K, 2) s of two seconds or more in which no wheel turns."""
     time = wheels.time
-    found = [(time[a], time[b]) for a, b in _spans(wheels.motion.speed < STILL)]
-    return np.array([s for s in found if s[1] - s[0] >= STILL_LEAST_S]).reshape(-1, 2)
+    found = [(time[a], time[b]) for a, b in _spans(wheels.motion.speed < STANDSTILL_SPEED)]
+    return np.array([s for s in found if s[1] - s[0] >= STANDSTILL_LEAST_S]).reshape(-1, 2)
 
 
 def timeline(wheels: Wheels, node_time: Array) -> Timeline:
     """Stop and moving, from the wheels."""
-    still = np.zeros(len(wheels.time), bool)
-    for start, end in rests(wheels):
-        still |= (wheels.time >= start) & (wheels.time <= end)
-    states = timeline_from_states(wheels.time, np.where(still, "stop", "moving"))
+    at_standstill = np.zeros(len(wheels.time), bool)
+    for start, end in standstills(wheels):
+        at_standstill |= (wheels.time >= start) & (wheels.time <= end)
+    states = timeline_from_states(wheels.time, np.where(at_standstill, "stop", "moving"))
     return states.covering(float(node_time[0]), float(node_time[-1]))
 
 
@@ -157,7 +157,7 @@ def odometry(solution: RoverSolution) -> Odometry:
 def wheel_events(solution: RoverSolution) -> list[Event]:
     """Spells in which one wheel spun or was blocked, by wheel."""
     wheels = solution.problem.wheels
-    clear = wheels.motion.speed > 10 * STILL
+    clear = wheels.motion.speed > 10 * STANDSTILL_SPEED
     found = []
     for i in range(6):
         doubted = (wheels.motion.weight_roll[:, i] < DOUBTED) & clear

@@ -74,15 +74,15 @@ def commands(
     Locking wheels halt at once, or within `halt_ease` s.
     """
     edges = np.concatenate([[0.0], np.cumsum([leg.duration for leg in legs])])
-    at_rest = np.zeros(len(time), bool)
+    at_standstill = np.zeros(len(time), bool)
     calm = np.ones(len(time))
     for leg, start, end in zip(legs, edges[:-1], edges[1:], strict=True):
         if leg.state == "stop":
             begin = -np.inf if start == 0 else start + HALT * speed_ease
             finish = end - HALT * speed_ease if end < edges[-1] else np.inf
-            at_rest |= (time >= begin) & (time <= finish)
+            at_standstill |= (time >= begin) & (time <= finish)
             calm *= 1 - ndtr((time - begin + 0.4) / 0.1) * ndtr((finish + 0.4 - time) / 0.1)
-    moving = ~at_rest
+    moving = ~at_standstill
     speed = moving * eased(time, edges, [leg.speed for leg in legs], speed_ease)
     yaw_rate = moving * eased(time, edges, [leg.yaw_rate for leg in legs], yaw_ease)
     speed, yaw_rate = (_softened(x, halt_ease / (time[1] - time[0])) for x in (speed, yaw_rate))

@@ -114,8 +114,12 @@ def plan(rng: np.random.Generator, time: Array) -> tuple[Array, Array]:
         elif kind == "arc":
             legs.append((rng.uniform(20, 60), speed, sign * speed / rng.uniform(2.5, 6.0)))
         elif kind == "turn":
-            still = (4.0, 0.0, 0.0)
-            legs += [still, (rng.uniform(8, 25), 0.0, sign * rng.uniform(0.04, 0.08)), still]
+            standstill = (4.0, 0.0, 0.0)
+            legs += [
+                standstill,
+                (rng.uniform(8, 25), 0.0, sign * rng.uniform(0.04, 0.08)),
+                standstill,
+            ]
         else:
             legs.append((rng.uniform(10, 60), 0.0, 0.0))
     ends = np.cumsum([leg[0] for leg in legs])

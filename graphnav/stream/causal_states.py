@@ -44,7 +44,7 @@ class CausalStates:
         except SolutionError:
             return
         middle = 0.5 * (times[1:] + times[:-1])
-        told = line.state_at(middle).tolist()
-        self.now = told[-1]
+        states = line.state_at(middle).tolist()
+        self.now = states[-1]
         for k in np.flatnonzero((middle > times[0] + SETTLING_S) | (first == 0)).tolist():
-            graph.log.states[first + k] = told[k]
+            graph.log.states[first + k] = states[k]

@@ -127,13 +127,13 @@ class IncrementalGraph:
 
     def newest(self, i: int) -> tuple[Array, Array, Array, Array]:
         """Attitude, velocity, position and covariance (9, 9) of the node that entered last."""
-        return self._told(i, self._tip[0], self._tip[1])
+        return self._state_of(i, self._tip[0], self._tip[1])
 
     def past(self, i: int) -> tuple[Array, Array, Array, Array]:
         """The same of an older node, as it is known now."""
-        return self._told(i, *self._tree.marginal(i))
+        return self._state_of(i, *self._tree.marginal(i))
 
-    def _told(self, i: int, x: Array, P: Array) -> tuple[Array, Array, Array, Array]:
+    def _state_of(self, i: int, x: Array, P: Array) -> tuple[Array, Array, Array, Array]:
         R = self._R.rows[i] @ so3.exp(x[ROTATION])
         return R, self._v.rows[i] + x[VELOCITY], self._p.rows[i] + x[POSITION], P[:9, :9]
 

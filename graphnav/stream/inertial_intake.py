@@ -118,9 +118,9 @@ class Inertial:
         part = self._raw.rows[first:seen_until]
         dt = np.diff(part[:, 0], prepend=part[0, 0] - self._usual)
         imu = Imu(part[:, 0], dt, part[:, 1:4], part[:, 4:7])
-        resting = np.zeros(len(part), bool)
+        at_standstill = np.zeros(len(part), bool)
         known = np.ones((seen_until - done, 2), bool)
-        for fault in screened(imu, self._step or self._usual, resting, causal=True):
+        for fault in screened(imu, self._step or self._usual, at_standstill, causal=True):
             known[:, fault.sensor] &= ~fault.mask[done - first :]
         return known
 
@@ -154,9 +154,9 @@ class Inertial:
         named = suspects(part[:, 1:7], self._step, BEHIND, reach)
 
         def none(mask: Mask, begin: NDArray[np.int64]) -> Mask:
-            told = np.concatenate([[0], np.cumsum(mask)])
+            counted = np.concatenate([[0], np.cumsum(mask)])
             low = np.clip(begin - first, 0, len(mask))
-            return np.asarray(told[np.minimum(seen - first, len(mask))] == told[low])
+            return np.asarray(counted[np.minimum(seen - first, len(mask))] == counted[low])
 
         return none(uneven, done - BEHIND - BLOCK) & none(named, done - BEFORE)
 

@@ -11,11 +11,11 @@ from graphnav.graph import calibrations
 from graphnav.graph.preparation import (
     Setup,
     inertial_noise,
+    initial_standstill_end,
     params,
     punctual,
-    standing_start,
     two_sided,
-    weight_at_rest,
+    weight_at_standstill,
 )
 from graphnav.inertial.alignment import Alignment, align
 from graphnav.inertial.levelling import LEVELLING_S
@@ -24,7 +24,7 @@ from graphnav.recognition.corrections import Correction, correction_table
 from graphnav.stream.aiding import Aiding, usual_fix
 from graphnav.stream.sensors import Sensors
 
-LONGEST_REST_S = 120.0  # of a standing start that is waited for before aligning
+LONGEST_STANDSTILL_S = 120.0  # of an initial standstill that is waited for before aligning
 GROWTH = 1.2  # of the run between looks at whether its heading still holds
 CONFIRMED_SD, CONFIRMING = np.deg2rad(3.0), 20  # of a path's heading; slots it rests on
 APART = np.deg2rad(10.0)  # a heading so far off begins anew, a lesser error the graph mends
@@ -89,15 +89,15 @@ class Initialisation:
         edge = self._sensors.inertial.edge.rows
         run = self._so_far(float(edge[until]))
         inc = self._sensors.inertial.between(0, until)
-        rested = standing_start(self._sensors.standstill.spans(edge, until), inc)
-        if waits and self._waits(run, rested, until):
+        standstill_until = initial_standstill_end(self._sensors.standstill.spans(edge, until), inc)
+        if waits and self._waits(run, standstill_until, until):
             return None
         try:
             gnss, delay = punctual(run.gnss, self._vehicle, inc, run.odometer)
             run = replace(run, gnss=gnss)
-            alignment = align(run, self._vehicle, inc, rested)
-            still = self._sensors.standstill.resting.rows[:until] > 0
-            weight = weight_at_rest(inc, still, alignment.origin)
+            alignment = align(run, self._vehicle, inc, standstill_until)
+            held = self._sensors.standstill.held.rows[:until] > 0
+            weight = weight_at_standstill(inc, held, alignment.origin)
             setup = self._setup(run, alignment, delay, weight)
         except InputError as error:
             self.why = error
@@ -105,17 +105,17 @@ class Initialisation:
         self.aligned = run.end
         return setup
 
-    def _waits(self, run: Run, rested: float, until: int) -> bool:
-        """Whether more is worth waiting for: the end of a rest, levelling, more fixes."""
+    def _waits(self, run: Run, standstill_until: float, until: int) -> bool:
+        """Whether more is worth waiting for: the end of a standstill, levelling, more fixes."""
         if (
-            self._sensors.standstill.resting.rows[until - 1]
-            and rested == self._sensors.inertial.edge.rows[until]
+            self._sensors.standstill.held.rows[until - 1]
+            and standstill_until == self._sensors.inertial.edge.rows[until]
         ):
-            return self._looked < LONGEST_REST_S
+            return self._looked < LONGEST_STANDSTILL_S
         few = run.gnss is not None and len(run.gnss.time) < FEW_FIXES
         if few and self._looked < FIXES_WITHIN_S:
             return True
-        return rested == 0 and self._looked < LEVELLING_S
+        return standstill_until == 0 and self._looked < LEVELLING_S
 
     def _so_far(self, until: float) -> Run:
         """What came until a time, as a run."""

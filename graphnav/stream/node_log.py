@@ -102,8 +102,8 @@ class NodeLog:
             rover=None,
         )
         inc = heard.inertial.between(a, b)
-        stands = heard.standstill.between(a, b, inc.edge, span[1])
-        sensed = Sensed(run, inc, stands, fixes_n, self.rocking)
+        standstill = heard.standstill.between(a, b, inc.edge, span[1])
+        sensed = Sensed(run, inc, standstill, fixes_n, self.rocking)
         return Prepared(self.setup, sensed), nodes
 
     def problem(self, first: int, last: int, at: Estimate) -> Problem:

@@ -1,4 +1,4 @@
-"""How far the standing vehicle of a stream rocks, of the rests so far."""
+"""How far the vehicle of a stream rocks, of the standstills so far."""
 
 import numpy as np
 
@@ -9,17 +9,17 @@ from graphnav.stream.sensors import Sensors
 
 
 class Rocking:
-    """The median over the rests, the last as far as it has come."""
+    """The median over the standstills, the last as far as it has come."""
 
     def __init__(self) -> None:
-        self._of: dict[int, Array] = {}  # rad, of each rest, by its first increment
+        self._of: dict[int, Array] = {}  # rad, of each standstill, by its first increment
         self._usual = np.zeros(3)
 
     def until(self, edge: int, heard: Sensors, noise: InertialNoise) -> Array:
-        """One sigma by axis (3,) rad, of the rests until an edge; `noise` the IMU's."""
-        resting = heard.standstill.resting.rows
-        if edge > 0 and resting[edge - 1]:
-            moving = np.flatnonzero(resting[:edge] == 0)
+        """One sigma by axis (3,) rad, of the standstills until an edge; `noise` the IMU's."""
+        held = heard.standstill.held.rows
+        if edge > 0 and held[edge - 1]:
+            moving = np.flatnonzero(held[:edge] == 0)
             first = int(moving[-1]) + 1 if len(moving) else 0
             inc = heard.inertial.between(first, edge)
             self._of[first] = rocking(inc, inc.edge[None, [0, -1]], float(np.min(noise.gyro)))

@@ -6,9 +6,9 @@ import numpy as np
 
 from graphnav.common.run import Array
 from graphnav.graph.nodes import Schedule
+from graphnav.stream.causal_standstill import CausalStandstill
 from graphnav.stream.inertial_intake import Inertial
 from graphnav.stream.intake import Distance, Sides
-from graphnav.stream.standstill import CausalStandstill
 
 
 @dataclass(frozen=True)
@@ -22,8 +22,6 @@ class Sensors:
 
     def schedule(self, last: int, aids: Array, interval: float) -> Schedule:
         """What the nodes after edge `last` are placed by, with the `aids` (n,) s after it."""
-        edge, resting = self.inertial.edge.rows, self.standstill.resting.rows
-        events = np.flatnonzero(np.diff(resting[last:])) + last + 1
-        return Schedule(
-            edge, len(resting), events.tolist(), aids, resting, float(edge[0]), interval
-        )
+        edge, held = self.inertial.edge.rows, self.standstill.held.rows
+        events = np.flatnonzero(np.diff(held[last:])) + last + 1
+        return Schedule(edge, len(held), events.tolist(), aids, held, float(edge[0]), interval)

@@ -18,6 +18,7 @@ from graphnav.reading.vehicle import Vehicle
 from graphnav.recognition.corrections import Correction
 from graphnav.stream.aiding import Aiding
 from graphnav.stream.causal_estimate import CausalEstimate
+from graphnav.stream.causal_standstill import CausalStandstill
 from graphnav.stream.causal_states import CausalStates
 from graphnav.stream.incremental_graph import IncrementalGraph
 from graphnav.stream.initialisation import Initialisation
@@ -25,7 +26,6 @@ from graphnav.stream.intake import LOOK_AHEAD_S, sound
 from graphnav.stream.node_log import NodeLog
 from graphnav.stream.rocking import Rocking
 from graphnav.stream.sensors import Sensors
-from graphnav.stream.standstill import CausalStandstill
 
 
 class Smoother:
@@ -228,16 +228,16 @@ class Smoother:
     def _due(self) -> list[int]:
         """Edges of the next nodes that can be placed, up to where the graph pauses for a sweep.
 
-        A node in silence of the running gear stands alone: what its rest shows counts from then on.
+        A node at a stop of the running gear enters alone: what the stop shows counts from then on.
         """
         assert self.graph is not None
-        graph, silent = self.graph, self._heard.standstill.silent.rows
+        graph, gear_stopped = self.graph, self._heard.standstill.gear_stopped.rows
         last, count = int(graph.log.edge.rows[-1]), graph.last
         aids = self._aiding.stops(float(self._heard.inertial.edge.rows[last]))
         by, places = self._heard.schedule(last, aids, self._interval), list[int]()
-        while not places or (count % graph.every and not silent[last - 1]):
+        while not places or (count % graph.every and not gear_stopped[last - 1]):
             place = next_node(last, by)
-            if place is None or (places and silent[place - 1]):
+            if place is None or (places and gear_stopped[place - 1]):
                 break
             places.append(place)
             last, count = place, count + 1
@@ -278,10 +278,10 @@ class Smoother:
             newest = self._known(node)
             found.append((newest, [newest] if self._lag is None else self._leaving(float(t))))
         latency = (perf_counter() - due) / len(edges)  # they are linearised together
-        for (newest, told), t in zip(found, times, strict=True):
+        for (newest, leaving), t in zip(found, times, strict=True):
             if t >= self._aligned - 1.0:  # before, the vehicle did not know yet: made up for
                 self._newest = replace(newest, latency=latency)
-                self.history += [replace(k, latency=latency) for k in told]
+                self.history += [replace(k, latency=latency) for k in leaving]
 
     def _known(self, node: int, past: bool = False) -> CausalEstimate:
         graph = self.graph

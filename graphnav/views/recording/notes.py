@@ -34,8 +34,8 @@ def _text(results: Results) -> str:
     lines += _bullets("Verdicts", summary.get("verdicts", []))
     lines += _bullets("Warnings", summary.get("warnings", []))
     against = summary.get("comparison") or summary
-    told = [(label, against[key], unit) for key, label, unit in FIGURES if _number(against, key)]
-    lines += _bullets("Against truth", [f"{label}: {v:.3g} {unit}" for label, v, unit in told])
+    figures = [(label, against[key], unit) for key, label, unit in FIGURES if _number(against, key)]
+    lines += _bullets("Against truth", [f"{label}: {v:.3g} {unit}" for label, v, unit in figures])
     lines += _bullets(
         "How to read it",
         [

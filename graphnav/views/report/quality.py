@@ -78,8 +78,8 @@ def _forest(panel: "Axes", curve: Curve) -> None:
             "ms": 4,
             "elinewidth": 2.0,
         }
-        told = "estimate ± 3σ" if k == 0 else None
-        panel.errorbar(curve.value[0, k], k - 0.1, xerr=3 * curve.sd[0, k], label=told, **drawn)
+        name = "estimate ± 3σ" if k == 0 else None
+        panel.errorbar(curve.value[0, k], k - 0.1, xerr=3 * curve.sd[0, k], label=name, **drawn)
     names = [
         label(c) + ("" if seen else " (not observable)")
         for c, seen in zip(curve.components, curve.observable, strict=True)
@@ -109,14 +109,14 @@ def residuals(results: Results) -> str | None:
         axes[k].set_yticks([1e-4, 1e-2, 1.0], ["0.0001", "0.01", "1"])
         axes[k].set(ylim=(1e-5, 4.0), xlabel="residual [σ]", xticks=range(-6, 7, 3))
         axes[k].tick_params(labelleft=k % across == 0)
-        axes[k].set_title(f"{kind.replace('_', ' ')}\n{_told(table)}")
+        axes[k].set_title(f"{kind.replace('_', ' ')}\n{_by_axis(table)}")
     for unused in axes[len(kinds) :]:
         unused.set_visible(False)
     axes[0].set_ylabel("density")
     return svg.text(figure, "Histograms of whitened residuals")
 
 
-def _told(table: "DataFrame") -> str:
+def _by_axis(table: "DataFrame") -> str:
     """Count, RMS as the solver saw it (robust weights applied), share turned down."""
     value = columns(table, "value")[:, 0]
     weight = columns(table, "weight")[:, 0] if "weight" in table else np.ones(len(value))

@@ -125,10 +125,10 @@ def stages(results: Results) -> list[tuple[str, str]]:
         out.append(("peak memory", f"{summary['peak_memory_mb']:.0f} MB"))
     solver = summary.get("solver") or {}
     plain = {k: v for k, v in solver.items() if isinstance(v, str | int | float)}
-    return out + [(f"solver: {k.replace('_', ' ')}", _told(v)) for k, v in plain.items()]
+    return out + [(f"solver: {k.replace('_', ' ')}", _shown(v)) for k, v in plain.items()]
 
 
-def _told(value: Any) -> str:
+def _shown(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return _figures(value) if isinstance(value, float) else str(value)

@@ -1,4 +1,4 @@
-"""How quiet the IMU and the running gear are: what a standstill would look like."""
+"""How steady the IMU and the running gear are: what a standstill would look like."""
 
 from dataclasses import dataclass
 from itertools import pairwise
@@ -16,44 +16,48 @@ Mask = NDArray[np.bool_]
 WINDOW_S = 1.0
 SHORTEST_S = 1.0
 REACH_S = 0.2  # beyond its samples an odometer's silence means nothing
-SILENT_SPEED = 0.05  # m/s, below which a noisy speed counts as zero
+STOPPED_SPEED = 0.05  # m/s, below which a noisy speed counts as zero
 
 
 @dataclass(frozen=True)
-class Quietness:
+class StandstillEvidence:
     """What IMU and running gear show about each increment, over `WINDOW_S`."""
 
-    shake: Array  # (M,) m/s^2, standard deviation of the specific force, norm over axes
-    turn: Array  # (M,) rad/s, standard deviation of the rate, norm over axes
+    force_sd: Array  # (M,) m/s^2, standard deviation of the specific force, norm over axes
+    rate_sd: Array  # (M,) rad/s, standard deviation of the rate, norm over axes
     rate: Array  # (M, 3) rad/s, mean rate
-    silent: Mask  # (M,) whether the running gear shows no motion; True where there is none
+    gear_stopped: Mask  # (M,) whether the running gear shows no motion; True where there is none
     width: int  # increments in a window
 
-    def over(self, on: slice) -> "Quietness":
+    def over(self, on: slice) -> "StandstillEvidence":
         """That of some of the increments."""
-        return Quietness(self.shake[on], self.turn[on], self.rate[on], self.silent[on], self.width)
+        return StandstillEvidence(
+            self.force_sd[on], self.rate_sd[on], self.rate[on], self.gear_stopped[on], self.width
+        )
 
 
-def quietness(
+def standstill_evidence(
     inc: Increments, odometer: Odometer | None, sides: SideSpeeds | None = None
-) -> Quietness:
-    """Quietness of M increments. Where both sides of the running gear are there, both must be
-    silent: a vehicle that turns on the spot has a mean of zero.
+) -> StandstillEvidence:
+    """Evidence of M increments. Where both sides of the running gear are there, both must be
+    stopped: a vehicle that turns on the spot has a mean of zero.
     """
     dt = np.diff(inc.edge)
     width = max(3, round(WINDOW_S / float(np.median(dt))))
     force, rate = inc.velocity / dt[:, None], inc.rotation / dt[:, None]
-    silent = np.ones(len(dt), bool)
+    gear_stopped = np.ones(len(dt), bool)
     if odometer is not None:
-        # one count may fall at rest (rocking)
-        limit = max(1.01 * odometer.pulse, SILENT_SPEED * WINDOW_S)
-        silent &= _silent(inc, odometer.time, odometer.distance, limit)
+        # one count may fall at standstill (rocking)
+        limit = max(1.01 * odometer.pulse, STOPPED_SPEED * WINDOW_S)
+        gear_stopped &= _stopped(inc, odometer.time, odometer.distance, limit)
     if sides is not None:
         for speed in (sides.left, sides.right):
             way = np.concatenate([[0], np.cumsum(0.5 * np.diff(sides.time) * _pairs(speed))])
-            silent &= _silent(inc, sides.time, way, SILENT_SPEED * WINDOW_S)
+            gear_stopped &= _stopped(inc, sides.time, way, STOPPED_SPEED * WINDOW_S)
     mean = uniform_filter1d(rate, width, axis=0)
-    return Quietness(_deviation(force, width), _deviation(rate, width), mean, silent, width)
+    return StandstillEvidence(
+        _deviation(force, width), _deviation(rate, width), mean, gear_stopped, width
+    )
 
 
 def spans(mask: Mask, edge: Array) -> Array:
@@ -68,10 +72,10 @@ def runs(mask: Mask) -> list[tuple[int, int, bool]]:
     return [(a, b, bool(mask[a])) for a, b in pairwise([*first.tolist(), len(mask)])]
 
 
-def within(edge: Array, rests: Array) -> Mask:
+def within(edge: Array, inside: Array) -> Mask:
     """Whether each increment between `edge` (M + 1,) lies in one of the spans (K, 2) s, (M,)."""
     mask = np.zeros(len(edge) - 1, bool)
-    for start, end in rests:
+    for start, end in inside:
         mask |= (edge[:-1] >= start - 1e-9) & (edge[1:] <= end + 1e-9)
     return mask
 
@@ -94,7 +98,7 @@ def _deviation(x: Array, width: int) -> Array:
     return np.asarray(np.sqrt(np.maximum(square - mean**2, 0).sum(1)))
 
 
-def _silent(inc: Increments, time: Array, way: Array, limit: float) -> Mask:
+def _stopped(inc: Increments, time: Array, way: Array, limit: float) -> Mask:
     """Whether a way (n,) m moves less than `limit` within half a window of each increment."""
     mid, half = 0.5 * (inc.edge[1:] + inc.edge[:-1]), WINDOW_S / 2
     moved = np.interp(mid + half, time, way) - np.interp(mid - half, time, way)

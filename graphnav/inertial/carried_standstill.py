@@ -1,4 +1,4 @@
-"""Where a standing vehicle is carried: a ferry, a lift, a crawl that the wheel sensor misses.
+"""Where a vehicle at standstill is carried: a ferry, a lift, a crawl that the wheel sensor misses.
 
 The running gear says nothing of such motion. Fixes that move along contradict it horizontally; the
 accelerometers contradict it where a pause between two quiet spans changes the velocity. What is
@@ -12,26 +12,26 @@ from factors import so3
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array, Gnss
-from graphnav.inertial.quietness import Mask, within
+from graphnav.inertial.standstill_evidence import Mask, within
 
 WINDOW_S = 20.0  # of fixes that show a speed
-FIXED_SPEED, FIXED_SIGMAS = 1.0, 3.0  # m/s and deviations by which fixes contradict a rest
-CREPT_SIGMAS, CREPT_SPEED = 6.0, 0.05  # the same over a whole silence
+FIXED_SPEED, FIXED_SIGMAS = 1.0, 3.0  # m/s and deviations by which fixes contradict a standstill
+CREPT_SIGMAS, CREPT_SPEED = 6.0, 0.05  # the same over a whole stop of the gear
 STEADY = 0.25  # share of the fixes that must lie in the middle half of the way
 FEWEST_FIXES = 4
 PAUSE_S = 20.0  # between quiet spans, over which a change of velocity is reckoned
-LEVEL_S = 20.0  # of a rest that levels
+LEVEL_S = 20.0  # of a standstill that levels
 HORIZONTAL, VERTICAL = 0, 1  # columns
-# m/s and m/s^2: velocity two rests may differ by, over the pause between them
+# m/s and m/s^2: velocity two standstills may differ by, over the pause between them
 SLACK, DRIFT = 0.08, np.array([0.03, 0.02])
 MOST_TURN = 0.1  # rad in a pause; with more the accelerometers' biases turn into the horizontal
 UNKNOWN = 1e6  # m/s
 
 
-def moved_along(silences: Array, gnss: Gnss) -> Array:
-    """Spans (K, 4) in the silences (S, 2) s in which fixes travel, as `carried_in` has them."""
+def moved_along(gear_stops: Array, gnss: Gnss) -> Array:
+    """Spans (K, 4) in the stops (S, 2) s in which fixes travel, as `carried_in` has them."""
     found = list[tuple[float, float, float, float]]()
-    for start, end in silences.tolist():
+    for start, end in gear_stops.tolist():
         for until in [*np.arange(start + WINDOW_S / 2, end, 1.0).tolist(), end]:
             found += travels(gnss, start, until)
         found += creeps(gnss, start, end)
@@ -39,14 +39,14 @@ def moved_along(silences: Array, gnss: Gnss) -> Array:
 
 
 def travels(gnss: Gnss, start: float, until: float) -> list[tuple[float, float, float, float]]:
-    """The window before `until`, in a silence since `start`, if fixes travel in it."""
+    """The window before `until`, in a stop of the gear since `start`, if fixes travel in it."""
     since = max(start, until - WINDOW_S)
     moves = _moved(gnss, (since, until), FIXED_SIGMAS, FIXED_SPEED)
     return [(since, until, 1.0, 0.0)] if moves else []
 
 
 def creeps(gnss: Gnss, start: float, until: float) -> list[tuple[float, float, float, float]]:
-    """The whole silence, if fixes move steadily in it, however slowly."""
+    """The whole stop, if fixes move steadily in it, however slowly."""
     moves = _moved(gnss, (start, until), CREPT_SIGMAS, CREPT_SPEED)
     return [(start, until, 1.0, 0.0)] if moves else []
 
@@ -91,13 +91,13 @@ def _moved(
     return bool(np.mean((gone > 0.25) & (gone < 0.75)) > STEADY)
 
 
-def velocity_gained(inc: Increments, rest: Array, until: float) -> tuple[Array, Array, float]:
-    """Velocity gained since a rest (start, end) s, upward direction and turn, m/s, unit and rad.
+def velocity_gained(inc: Increments, span: Array, until: float) -> tuple[Array, Array, float]:
+    """Velocity gained since a standstill (start, end) s [m/s], upward direction, turn [rad].
 
-    In the body frame of the rest, from what it showed of gravity and biases. The turn of the body
-    against the Earth's axis is left out: for seconds only.
+    In the body frame of that standstill, from what it showed of gravity and biases. The turn of
+    the body against the Earth's axis is left out: for seconds only.
     """
-    a, b, end = np.searchsorted(inc.edge, [max(rest[0], rest[1] - LEVEL_S), rest[1], until])
+    a, b, end = np.searchsorted(inc.edge, [max(span[0], span[1] - LEVEL_S), span[1], until])
     T = inc.edge[b] - inc.edge[a]
     force, rate = inc.velocity[a:b].sum(0) / T, inc.rotation[a:b].sum(0) / T
     on = slice(int(b), int(end))
@@ -115,17 +115,19 @@ def velocity_gained(inc: Increments, rest: Array, until: float) -> tuple[Array, 
     return pre.dv[0] - force * pre.T[0], force / np.linalg.norm(force), turn
 
 
-def moving_rests(inc: Increments, rests: Array, silences: ArrayLike) -> Array:
-    """Spans of the rests (K, 2) s that move against others of their silence: start, end [s] and
-    whether along the horizontal and the vertical, (L, 4).
+def moving_standstills(inc: Increments, standstills: Array, gear_stops: ArrayLike) -> Array:
+    """Spans of the standstills (K, 2) s that move against others of their stop of the gear: start,
+    end [s] and whether along the horizontal and the vertical, (L, 4).
 
-    Pauses of up to `PAUSE_S` tell. Of the velocities in a silence the one that is returned to, and
-    lasts, is zero: nothing but standing still is returned to exactly. A span reaches from the rest
-    before to the one after.
+    Pauses of up to `PAUSE_S` tell. Of the velocities in a stop of the gear the one that is returned
+    to, and lasts, is zero: nothing but standstill is returned to exactly. A span reaches from the
+    standstill before to the one after.
     """
     found = []
-    for start, end in np.asarray(silences, dtype=np.float64):
-        inside = rests[(rests[:, 0] >= start - 1e-6) & (rests[:, 1] <= end + 1e-6)]
+    for start, end in np.asarray(gear_stops, dtype=np.float64):
+        inside = standstills[
+            (standstills[:, 0] >= start - 1e-6) & (standstills[:, 1] <= end + 1e-6)
+        ]
         gaps = np.flatnonzero(inside[1:, 0] - inside[:-1, 1] > PAUSE_S) + 1
         for group in np.split(inside, gaps):
             moving = _moving(inc, group)
@@ -137,13 +139,13 @@ def moving_rests(inc: Increments, rests: Array, silences: ArrayLike) -> Array:
 
 
 def _moving(inc: Increments, group: Array) -> Mask:
-    """Whether each of some rests (K, 2) s moves, horizontally and vertically, (K, 2)."""
+    """Whether each of some standstills (K, 2) s moves, horizontally and vertically, (K, 2)."""
     if len(group) < 2:
         return np.zeros((len(group), 2), bool)
     v, blur, up = [np.zeros(3)], [np.zeros(2)], np.array([0.0, 0.0, 1.0])
-    for rest, until in zip(group[:-1], group[1:, 0], strict=True):
-        gained, up, turn = velocity_gained(inc, rest, float(until))
-        lost = DRIFT * (until - rest[1]) + (UNKNOWN * (turn > MOST_TURN), 0.0)
+    for span, until in zip(group[:-1], group[1:, 0], strict=True):
+        gained, up, turn = velocity_gained(inc, span, float(until))
+        lost = DRIFT * (until - span[1]) + (UNKNOWN * (turn > MOST_TURN), 0.0)
         v.append(v[-1] + gained)
         blur.append(blur[-1] + lost)
     apart = np.array(v)[:, None] - np.array(v)
