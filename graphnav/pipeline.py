@@ -1,6 +1,8 @@
 """`graphnav smooth`: run file and vehicle file in, result directory out. Disk only at both ends."""
 
 import json
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -102,7 +104,8 @@ def judge(solved: Solved, columns: dict[str, Any], used: Run, progress: Stages) 
     from graphnav.batch import judgement
 
     progress("judging")
-    return judgement.judge(solved, columns, used)
+    with _cause_named(used):  # likely causes are tried by solving again
+        return judgement.judge(solved, columns, used)
 
 
 def said_of(solved: Solved) -> list[str]:
@@ -119,8 +122,15 @@ def solve(
 
     Raises SolutionError, naming the likeliest sensor, where its linear algebra breaks down.
     """
-    try:
+    with _cause_named(run):
         return _solved(run, vehicle, options, progress)
+
+
+@contextmanager
+def _cause_named(run: Run) -> Iterator[None]:
+    """Linear algebra that breaks down, told as a SolutionError with the likeliest sensor."""
+    try:
+        yield
     except (LinAlgError, OverflowError, FloatingPointError, RuntimeError) as error:
         if isinstance(error, RuntimeError) and "ndeterminate linear system" not in str(error):
             raise

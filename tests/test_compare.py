@@ -181,3 +181,10 @@ def test_trajectories_read_from_directory_or_file(tmp_path: Path) -> None:
         read = read_trajectory(path)
         assert set(read["state"]) == {"stop"}
         np.testing.assert_allclose(read["lat"], table["lat"])
+
+
+def test_truth_of_another_place_does_not_fit_but_a_far_result_does() -> None:
+    """333 km away it is another run's; a result that is off by the size of the drive is judged."""
+    with pytest.raises(InputError, match="truth lies 333 km from the result"):
+        compare(drive(1.0), drive(1.0).assign(lat=lambda t: t["lat"] + 3.0))
+    assert compare(moved(drive(1.0), np.array([9e3, 0, 0])), drive(1.0)).horizontal_rms_m > 8e3

@@ -8,12 +8,12 @@ from typing import Any
 import click
 
 from graphnav import __version__
-from graphnav.cli.command import Finite, Numbers, OneLine, Place, report_failures
+from graphnav.cli.command import Finite, Numbers, OneLine, Place, ResultPlace, report_failures
 from graphnav.cli.simulate import simulate
 
 FORMATS = ("kml", "geojson", "gpx", "tum", "csv", "sbet", "nmea")
 PATH = Place()
-result = click.argument("directory", type=PATH, metavar="RESULT")
+result = click.argument("directory", type=ResultPlace(), metavar="RESULT")
 vehicle_file = click.option(
     "--vehicle", type=PATH, help="Vehicle file.  [default: vehicle.toml beside RUN]"
 )
@@ -109,9 +109,10 @@ def smooth(
     `graphnav report RESULT` adds a page to read or print.
     """
     from graphnav.common.progress import Stages
-    from graphnav.result.writing import check_replaceable, default_out
+    from graphnav.result.writing import check_replaceable, default_out, restore
 
     out = out or default_out(run)
+    restore(out)
     check_replaceable(out, (run, vehicle, truth))
     with Stages() as stages:
         stages("starting")
@@ -192,7 +193,7 @@ def validate(run: Path, vehicle: Path | None, out: Path | None, lengths: tuple[f
 
 
 @cli.command(short_help="A result against a reference.")
-@click.argument("result_path", type=PATH, metavar="RESULT")
+@click.argument("result_path", type=ResultPlace(), metavar="RESULT")
 @click.argument("truth", type=PATH)
 @click.option("--json", "as_json", is_flag=True, help="For machines.")
 def compare(result_path: Path, truth: Path, as_json: bool) -> None:

@@ -85,6 +85,18 @@ class Place(click.Path):
         return super().convert(value, param, ctx)
 
 
+class ResultPlace(Place):
+    """A result to be read; put back first where a killed run left nothing there."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path."""
+        from graphnav.result.writing import restore
+
+        path = super().convert(value, param, ctx)
+        restore(path)
+        return path
+
+
 class Finite(click.FloatRange):
     """A number in a range that is one: neither nan nor infinite."""
 

@@ -52,8 +52,9 @@ def _names(out: Path, what: str) -> Iterator[Path]:
 def put(part: Path, out: Path) -> Path | None:
     """Put directory `part` in the place of `out`; where the old one lies then, None without one.
 
-    In one step where the system can; else by two renames, after which a kill between leaves the old
-    one to be `restored`. Raises OSError.
+    In one step where the system can; else by two renames. POSIX renames no directory onto one that
+    holds something, so that no order of them always leaves one there: a kill between leaves both
+    under their hidden names, for the next command to put back. Raises OSError.
     """
     for attempt in range(TRIES):
         try:

@@ -91,11 +91,16 @@ def read_table(
                                     **dict.fromkeys(words, pa.string())})  # fmt: skip
     except UNREADABLE:
         return _read_dirty(file, names, words, clock)
-    columns = [np.asarray(table[name].to_numpy(), float) for name in names]
-    if any(np.isinf(column).any() for column in columns):
+    texts, columns = _texts(table, words), {}
+    for name in dict.fromkeys(
+        names
+    ):  # each column is held once only, not as pyarrow's and as numpy's
+        columns[name] = np.asarray(table[name].to_numpy(), float)
+        table = table.drop_columns([name])
+    if any(np.isinf(column).any() for column in columns.values()):
         return _read_dirty(file, names, words, clock)
     notes = (*(file.dialect.notes if file.dialect else ()), *said)
-    return Table(file, dict(zip(names, columns, strict=True)), _texts(table, words), notes)
+    return Table(file, columns, texts, notes)
 
 
 def is_parquet(path: Path) -> bool:

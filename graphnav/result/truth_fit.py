@@ -13,6 +13,8 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 LEAST_SHARE = 0.1  # of the shorter of the two that both must cover
 NEAR_DEG = 1.0
+DEGREE_M = 111e3  # along a meridian
+FAR_M = 10e3  # between the areas of both, beside their sizes: more is no error of a solution
 SLOW_S = 5.0  # between reference rows: slower may be another unit
 DAY_S = 86400.0
 UNITS_S = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0}
@@ -34,6 +36,22 @@ def check_fit(trajectory: "DataFrame", truth: "DataFrame") -> None:
     if _apart(np.rad2deg(there), here) < NEAR_DEG < _apart(there, here):
         raise InputError(
             f"truth's lat, lon ({there[0]:.6f}, {there[1]:.6f}) are in radians: give degrees"
+        )
+    _check_place(trajectory, truth)
+
+
+def _check_place(trajectory: "DataFrame", truth: "DataFrame") -> None:
+    """InputError when truth lies where no error of the result can have put it."""
+    here, there = _middle(trajectory), _middle(truth)
+    scale = DEGREE_M * np.array([1.0, np.cos(np.deg2rad(here[0]))])
+    away = there - here
+    away[1] = (away[1] + 180.0) % 360.0 - 180.0
+    apart = float(np.linalg.norm(scale * away))
+    sizes = [np.linalg.norm(scale * np.ptp(_places(x), axis=0)) for x in (trajectory, truth)]
+    if apart > FAR_M + float(sum(sizes)):
+        raise InputError(
+            f"truth lies {apart / 1e3:.0f} km from the result ({there[0]:.4f}, {there[1]:.4f} to "
+            f"{here[0]:.4f}, {here[1]:.4f}): it is another run's, or the start is another place's"
         )
 
 
@@ -75,7 +93,11 @@ def _unit(own: Array, time: Array) -> str | None:
 
 
 def _middle(frame: "DataFrame") -> Array:
-    return np.array([frame["lat"].median(), frame["lon"].median()], dtype=np.float64)
+    return np.asarray(np.median(_places(frame), axis=0))
+
+
+def _places(frame: "DataFrame") -> Array:
+    return np.asarray(frame[["lat", "lon"]].to_numpy(dtype=np.float64))
 
 
 def _apart(a: Array, b: Array) -> float:

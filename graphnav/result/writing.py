@@ -158,15 +158,28 @@ def _replace(part: Path, out: Path) -> None:
         os.chdir(out)
 
 
+def restore(out: Path) -> None:
+    """Put the newest whole result that killed runs left beside `out` there, if nothing stands.
+
+    Two renames are needed where a file system cannot exchange names: a kill between them leaves the
+    old and the new result under hidden names. Every command that reads or replaces one begins here.
+    """
+    out = _resolved(out)
+    if _there(out):
+        return
+    for path in replacing.left_by_the_dead(out):
+        if _is_whole(path):
+            with suppress(OSError):
+                path.rename(out)
+                return
+
+
 def _recover(out: Path) -> None:
     """Put right what killed runs left: a whole result is restored where none stands, files of a
     user's are kept, the rest is removed.
     """
+    restore(out)
     for path in replacing.left_by_the_dead(out):
-        if not out.exists() and _is_whole(path):
-            with suppress(OSError):
-                path.rename(out)
-                continue
         _clear(path, out)
 
 
