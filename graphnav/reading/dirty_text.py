@@ -4,9 +4,9 @@ Comments and blank lines are passed over, cells beyond the header that are blank
 that is neither is damaged and left out. Slower than pyarrow by a factor, so only tried second.
 """
 
+from array import array
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from io import BytesIO
 from typing import IO
 
 import pyarrow as pa
@@ -22,11 +22,17 @@ BETWEEN = "\x1f"  # ASCII's own unit separator: no cell holds it once the lines 
 class Lines:
     """The lines of a table that can be taken apart, and what became of the others."""
 
-    text: list[str] = field(default_factory=list)  # cells joined by BETWEEN
-    number: list[int] = field(default_factory=list)  # in the file, from 1
+    text: bytearray = field(default_factory=bytearray)  # UTF-8, cells joined by BETWEEN
+    number: "array[int]" = field(default_factory=lambda: array("q"))  # in the file, from 1
     damaged: list[tuple[int, str]] = field(default_factory=list)  # number and what is wrong
     comments: int = 0
     cut: int = 0  # lines with blank cells beyond the header
+
+    def keep(self, cells: str, number: int) -> None:
+        """Another line; as bytes, since a str of each would take several times the file."""
+        self.text += cells.encode("utf-8", errors="replace")
+        self.text += b"\n"
+        self.number.append(number)
 
     def notes(self) -> tuple[str, ...]:
         """What was passed over."""
@@ -50,8 +56,7 @@ def lines_of(stream: IO[str], dialect: Dialect, where: str) -> Lines:
         if simple and line.count(mark) == wanted - 1 and BETWEEN not in line:
             if not line.strip():
                 continue  # one column, no cell
-            kept.text.append(line.replace(mark, BETWEEN))
-            kept.number.append(number)
+            kept.keep(line.replace(mark, BETWEEN), number)
         elif is_aside(line):
             kept.comments += bool(line.strip())
         else:
@@ -75,18 +80,16 @@ def _take_apart(line: str, number: int, wanted: int, dialect: Dialect, kept: Lin
     if len(cells) != wanted:
         kept.damaged.append((number, f"it has {len(cells)} cells, the header has {wanted}"))
         return
-    kept.text.append(BETWEEN.join(cell.replace(BETWEEN, " ") for cell in cells))
-    kept.number.append(number)
+    kept.keep(BETWEEN.join(cell.replace(BETWEEN, " ") for cell in cells), number)
 
 
 def columns_of(lines: Lines, width: int, wanted: Sequence[int]) -> list[pa.Array]:
     """Columns of the lines as text, by their place among `width`."""
     names = [str(i) for i in range(width)]
-    data = "\n".join(lines.text).encode("utf-8", errors="replace")
-    if not data:
+    if not lines.number:
         return [pa.array([], pa.string())] * len(wanted)
     table = pa_csv.read_csv(
-        BytesIO(data),
+        pa.BufferReader(memoryview(lines.text)[:-1]),
         pa_csv.ReadOptions(column_names=names, block_size=8 * HEAD_BYTES),
         pa_csv.ParseOptions(delimiter=BETWEEN, quote_char=False, ignore_empty_lines=False),
         pa_csv.ConvertOptions(

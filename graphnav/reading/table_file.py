@@ -176,7 +176,7 @@ def _text_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
     """Columns of a text as text, line by line."""
     dialect = file.dialect
     assert dialect is not None
-    with bounds.opened(file.path, len(dialect.names)) as stream:
+    with bounds.opened(file.path, len(dialect.names), bounds.TAKEN_APART) as stream:
         text = io.TextIOWrapper(io.BufferedReader(stream, 1 << 20), dialect.encoding, "replace")
         lines = dirty_text.lines_of(text, dialect, str(file.path))
         said = bounds.note_of(stream)
