@@ -29,5 +29,8 @@ def test_fixes_that_come_early_tell_of_an_imu_that_is_late(
 
 def test_it_is_told_whose_clock_is_late() -> None:
     assert verdicts(delay(0.3, 0.01)) == ["fixes come 0.30 +- 0.01 s late"]
-    assert "the IMU comes 0.06 +- 0.01 s after the fixes" in verdicts(delay(-0.06, 0.01))[0]
+    assert (
+        "the fixes come 0.06 +- 0.01 s early, the IMU's stamps late"
+        in verdicts(delay(-0.06, 0.01))[0]
+    )
     assert verdicts(delay(-0.01, 0.01)) == []

@@ -3,6 +3,7 @@
 import gzip
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -149,6 +150,14 @@ def test_what_does_not_fit_into_memory_is_refused_before_it_is_read(
     monkeypatch.setattr(bounds, "free_memory", lambda: 5_000_000)
     with pytest.raises(InputError, match=r"solving 20 s with 10 nodes"):
         bounds.check_solution(recorded, "batch", 10.0, 1000.0)
+    assert recorded.imu is not None  # stamps that come twenty at a time make no longer a run
+    late = recorded.imu.time[
+        np.minimum(np.arange(len(recorded.imu.time)) // 20 * 20 + 19, len(recorded.imu.time) - 1)
+    ]
+    late = late + 1e-9 * np.arange(len(late))
+    bursts = replace(recorded, imu=replace(recorded.imu, time=late, dt=np.diff(late, prepend=0.0)))
+    monkeypatch.setattr(bounds, "free_memory", lambda: 60_000_000)
+    bounds.check_solution(bursts)
 
 
 def read_run_of(path: Path, monkeypatch: pytest.MonkeyPatch) -> Run:

@@ -237,3 +237,11 @@ def test_a_vehicle_carried_as_it_stands_is_told(solved: Solved) -> None:
     ferry, lift = fix_doubts.of_carried(replace(solved, moved=moved))
     assert ferry.why == "the odometer stands while the fixes move from 40 to 90 s"
     assert lift.why == "the vehicle is lifted or lowered as it stands from 100 to 110 s"
+
+
+@pytest.mark.parametrize(
+    ("left", "named"),
+    [([0.05, 0.4], True), ([0.28, 0.52], True), ([0.28, 0.29], False), ([0.5, 0.57], False)],
+)
+def test_a_cause_is_named_where_it_stands_out(left: list[float], named: bool) -> None:
+    assert causes._convicted(0.57, left) == named

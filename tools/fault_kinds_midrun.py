@@ -18,8 +18,10 @@ def _later(drive: Drive) -> slice:
     return slice(drive.moment, None)
 
 
-def _odometer(drive: Drive) -> str:
-    return "odo_pulses" if "odo_pulses" in drive.table else "odo_speed"
+def _odometer(drive: Drive) -> list[str]:
+    """Columns of the odometer, of one or two sides."""
+    names = ("odo_pulses", "odo_speed", "odo_left", "odo_right")
+    return [name for name in names if name in drive.table]
 
 
 def _with_fixes(drive: Drive, start: int, seconds: float) -> Array:
@@ -115,7 +117,7 @@ def filtered(drive: Drive) -> None:
 @fault("imu_clock_drifts_500ppm", says="clock|late|delay")
 def imu_clock(drive: Drive) -> None:
     """The odometer's and the receiver's samples come later and later against the IMU's."""
-    for sensor in ((_odometer(drive),), FIX):
+    for sensor in (_odometer(drive), FIX):
         names = [column for column in sensor if column in drive.table]
         on = np.flatnonzero(drive.table[names[0]].notna()) if names else np.zeros(0, int)
         rows = np.round(on * (1 + 5e-4)).astype(int)
@@ -178,12 +180,12 @@ def concatenated(drive: Drive) -> None:
 def _scaled_from_there(name: str, by: float, says: str) -> None:
     @fault(name, says=says)
     def scaled(drive: Drive) -> None:
-        column = _odometer(drive)
-        x = drive.table[column].astype(float).to_numpy(copy=True)
-        there = x[: drive.moment]
-        before = there[~np.isnan(there)][-1] if column == "odo_pulses" else 0.0
-        x[drive.moment :] = before + by * (x[drive.moment :] - before)
-        drive.table[column] = np.round(x) if column == "odo_pulses" else x
+        for column in _odometer(drive):
+            x = drive.table[column].astype(float).to_numpy(copy=True)
+            there = x[: drive.moment]
+            before = there[~np.isnan(there)][-1] if column == "odo_pulses" else 0.0
+            x[drive.moment :] = before + by * (x[drive.moment :] - before)
+            drive.table[column] = np.round(x) if column == "odo_pulses" else x
 
 
 _scaled_from_there("pulses_doubled_from_there", 2.0, "odometer")
@@ -194,11 +196,11 @@ _scaled_from_there("odometer_reversed_from_there", -1.0, "odometer")
 @fault("odometer_smoothed", says="odometer")
 def smoothed(drive: Drive) -> None:
     """Means of a second, half a second late."""
-    column = _odometer(drive)
-    told = drive.table[column].dropna().astype(float)
-    width = max(2, round(len(told) / len(drive.table) * drive.rate))
-    mean = told.rolling(width, min_periods=1).mean()
-    drive.table[column] = mean.round() if column == "odo_pulses" else mean
+    for column in _odometer(drive):
+        told = drive.table[column].dropna().astype(float)
+        width = max(2, round(len(told) / len(drive.table) * drive.rate))
+        mean = told.rolling(width, min_periods=1).mean()
+        drive.table[column] = mean.round() if column == "odo_pulses" else mean
 
 
 @fault("odometer_single_zeros", says="odometer|count", needs="odo_speed")

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from factors import kinds
 from graphnav.batch import doubts
 from graphnav.batch.finish import finish
 from graphnav.batch.hypotheses import hypotheses
@@ -22,9 +23,12 @@ PIECE_S = 300.0  # of driving that shows a mistake
 INTERVAL_S = 2.0  # between nodes: coarse is enough
 ROUNDS = 5  # of a trial
 # node solves: a trial goes on while all before took less than the solution itself, or than this
-FREE = 60_000
+FREE = 120_000  # all causes on a piece of a run
 # doubt left that is a healthy run's, or so little of what there was that the cause must be the one
 CURED, SHARE_LEFT = 0.12, 0.25
+# or so much less than before and than every other cause leaves that only this one can be it: what
+# a vehicle's own doubt is, none takes away
+STANDS_OUT, CLEARLY = 0.6, 0.2
 EXCUSED = 3.0  # sigma of a calibration
 PER_SIGMA, MOST_SIGMA = 0.01, 0.3  # of doubt, by calibration
 CONTRADICTION = 0.3  # of doubt, by finding of how vehicles drive and remark that grades
@@ -42,20 +46,31 @@ def likeliest(run: Run, vehicle: Vehicle, work: int) -> list[Remark]:
     before = _tried(piece, vehicle)
     if before.doubt < CURED:  # the piece is healthy: nothing to find out on it
         return []
-    best, left = list[Remark](), SHARE_LEFT * before.doubt
     spent, allowed = before.work, max(work, FREE)
     mistakes = hypotheses(piece, vehicle)
+    stopped, left = list[Remark](), list[float]()
+    best = Remark("")
     for k, mistake in enumerate(mistakes):
         if spent > allowed:
-            return [*best, _stopped(k, len(mistakes))]
+            stopped = [_stopped(k, len(mistakes))]
+            break
         trial = _tried(*mistake.undo(piece, vehicle))
         spent += trial.work
-        if trial.solved is not None and trial.doubt < left:
-            why, cure = mistake.why(trial.solved), mistake.remedy(trial.solved)
-            best, left = [Remark(why, cure, level=1)], trial.doubt
-        if left < CURED:
+        if trial.solved is not None and trial.doubt < min(left, default=np.inf):
+            best = Remark(mistake.why(trial.solved), mistake.remedy(trial.solved), level=1)
+        left.append(trial.doubt)
+        if min(left) < CURED and _convicted(before.doubt, sorted(left)):
             break
-    return best
+    return [best, *stopped] if _convicted(before.doubt, sorted(left)) else stopped
+
+
+def _convicted(before: float, left: list[float]) -> bool:
+    """Whether the cause that leaves the least of the doubt must be the one; `left` in order."""
+    if not left:
+        return False
+    next_best = min([before, *left[1:2]])
+    stands_out = left[0] < STANDS_OUT * next_best and left[0] < before - CLEARLY
+    return left[0] < SHARE_LEFT * before or stands_out
 
 
 def _stopped(tried: int, of: int) -> Remark:
@@ -71,6 +86,8 @@ def doubt(solved: Solved) -> float:
     rows = sum(float(share.mean()) for share in shares if len(share))
     sigmas = [s for c in solved.calibrated if c.name in doubts.CALIBRATIONS
               for s in doubts.sigmas_off(c)]  # fmt: skip
+    sigmas += [s for block, _ in doubts.of_kind(solved, kinds.START_HEADING)
+               for s in np.abs(block.residual[:, 0])]  # fmt: skip
     excess = PER_SIGMA * np.maximum(np.array(sigmas) - EXCUSED, 0.0)
     findings = len(driving_findings(solved.run, solved.vehicle))
     odd = CONTRADICTION * (findings + sum(remark.level > 0 for remark in solved.remarks))

@@ -98,6 +98,10 @@ CALIBRATIONS: dict[str, Cause] = {
         "the odometer's clock is {value:.2f} s late",
         "check how the odometer is stamped, or state [odometer] time_offset_s",
     ),
+    "gnss_time_offset_s": (
+        "the fixes are {value:.2f} s late against the IMU",
+        "check how fixes and IMU are stamped, or state [gnss] time_offset_s",
+    ),
     "gnss_offset_m": (
         "the fixes lie {value:.1f} m ({component}) off as one",
         "check the fixes' datum and [start]",

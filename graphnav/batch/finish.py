@@ -9,6 +9,7 @@ from factors.calibration import LEVER, MOUNTING, SCALE, forward_of, lateral_of
 from factors.preintegration import InertialNoise, preintegrate
 from graphnav.batch.learnt import calibrated, imu_late, verdicts
 from graphnav.batch.smoother import Smoothed
+from graphnav.common.remark import Remark
 from graphnav.common.run import Array, Run
 from graphnav.graph import inertial_noise
 from graphnav.graph.densify import Path, densify
@@ -59,10 +60,16 @@ def finish(smoothed: Smoothed, recorded: Run, rate_hz: float = 1 / GRID_S) -> So
             "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
         },
         verdicts=verdicts(found),
-        remarks=prep.setup.alignment.remarks,
+        remarks=(*prep.setup.alignment.remarks, *_restless(smoothed)),
         moved=prep.sensed.standstill.moved,
         gaps=_gaps(smoothed),
     )
+
+
+def _restless(smoothed: Smoothed) -> list[Remark]:
+    """A word where the iteration did not come to rest."""
+    why = smoothed.solution.restless
+    return [Remark(why, level=1)] if why else []
 
 
 def _sample_by_sample(smoothed: Smoothed) -> Path:

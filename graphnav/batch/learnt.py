@@ -156,7 +156,10 @@ def _late(c: Calibrated) -> list[str]:
     if late > max(LATE_S, 3 * sd):
         return [f"fixes come {late:.2f} +- {sd:.2f} s late"]
     if imu_late([c]):
-        return [f"the IMU comes {-late:.2f} +- {sd:.2f} s after the fixes: told on their clock"]
+        return [
+            f"the fixes come {-late:.2f} +- {sd:.2f} s early, the IMU's stamps late by as much: "
+            "told on the fixes' clock"
+        ]
     return []
 
 

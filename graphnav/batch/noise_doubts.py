@@ -10,6 +10,7 @@ from graphnav.common.run import Array
 from graphnav.result.solved import Solved
 
 WORSE = 4.0  # times its stated noise that an IMU is told to be
+UNHEARD_OF = 500.0  # times: recorded vehicles reach 300 (design.md), so something else is wrong
 SHOWN = 10.0  # intervals' worth of residuals that tell a noise
 
 
@@ -20,6 +21,7 @@ def of_inertial_noise(solved: Solved) -> list[Remark]:
             f"the {sensor} are {times:.0f} times as noisy while {state} as their grade or data "
             "sheet says",
             "state [imu] grade or its noise as it is when driving",
+            level=int(times > UNHEARD_OF),
         )
         for sensor, state, times in noise_found(solved)
         if times > WORSE

@@ -26,6 +26,7 @@ Linearise = Callable[[Estimate], list[Block]]
 
 ROUGH, FINE = 30.0, 1e-2  # squared length of the last step in standard deviations, all states
 MAX_ITERATIONS, ROUGH_ITERATIONS = 40, 12
+RESTLESS = 1.0  # sigma of the last step, all states together, within which what creeps is of use
 # weights stay once a step was so short, at the latest from this iteration on: a redescending
 # weight may creep for ever
 HELD_BELOW, HELD_FROM = 1.0, 8
@@ -41,6 +42,7 @@ class Solution:
     bayes_net: gtsam.GaussianBayesNet
     iterations: int
     cost: float  # 0.5 sum w r^2
+    restless: str = ""  # what keeps it from settling, in words; empty when it settled
 
 
 def weights_of(block: Block, robust: Mapping[str, Robust]) -> Array:
@@ -92,9 +94,15 @@ def gauss_newton(
         held = held or attempt.length < HELD_BELOW or iteration >= HELD_FROM
         if not held:
             weights = [weights_of(block, robust) for block in blocks]
+    moved, why = np.sqrt(attempt.length), worst(blocks, weights)
+    if moved < RESTLESS:  # of all states together
+        cost = cost_of(blocks, weights)
+        restless = f"the solution does not settle to better than {moved:.2g} sigma: {why}"
+        return Solution(
+            estimate, blocks, weights, attempt.bayes_net, MAX_ITERATIONS, cost, restless
+        )
     raise SolutionError(
-        f"no convergence in {MAX_ITERATIONS} iterations "
-        f"(last step {np.sqrt(attempt.length):.2g} sigma): " + worst(blocks, weights)
+        f"no convergence in {MAX_ITERATIONS} iterations (last step {moved:.2g} sigma): {why}"
     )
 
 

@@ -22,6 +22,7 @@ TAKEN_APART = 3.0  # the same while it is taken apart line by line (2.9 GB of 3e
 PER_CELL = 24  # bytes of a number while it is read: pyarrow's, numpy's and the scaled one
 PER_ROW = 400  # bytes of an inertial sample on its way: increments, screening, reckoning
 MOST_KNOWN = 64  # columns graphnav can use, at most
+BURST = 200  # samples that a host may stamp together
 READ_AT_ONCE = 4 << 20
 LOOKED_AT = 16 << 20  # bytes unfolded to see how an archive that claims too much goes on
 # bytes of a solution, measured by tools/bench.py: a node with its factors and covariances (batch,
@@ -61,8 +62,12 @@ def check_solution(
 
 
 def _bridged(imu: Imu) -> float:
-    """Samples there will be once those lost are bridged."""
-    return max(len(imu.time), float(np.ptp(imu.time) / np.median(imu.dt)))
+    """Samples there will be once those lost are bridged; stamps may come in bursts."""
+    together = min(BURST, len(imu.time) - 1)
+    if together < 1:
+        return len(imu.time)
+    spacing = float(np.median(imu.time[together:] - imu.time[:-together])) / together
+    return max(len(imu.time), float(np.ptp(imu.time)) / spacing)
 
 
 def check_text_size(path: Path, head: bytes, columns: int) -> None:
