@@ -34,6 +34,10 @@ class Robust:
         """Weights of standardised residuals, same shape."""
         return _FAMILY[self.name](np.abs(u), self.k0, self.k1)
 
+    def loss(self, u: Array) -> Array:
+        """What the weights are the slope of, `integral of u w(u)`, same shape."""
+        return _LOSS[self.name](np.abs(u), self.k0, self.k1)
+
     def m_estimator(self) -> gtsam.noiseModel.mEstimator.Base:
         """The same weights as a GTSAM M-estimator."""
         m = gtsam.noiseModel.mEstimator
@@ -47,7 +51,7 @@ class Robust:
             return m.GemanMcClure.Create(self.k0)
         return m.Custom.Create(
             lambda u: float(self.weight(np.array(u))),
-            lambda u: igg3_loss(float(u), self.k0, self.k1),
+            lambda u: float(self.loss(np.array(u))),
         )
 
 
@@ -77,12 +81,10 @@ def igg3(u: Array, k0: float, k1: float) -> Array:
     return np.where(u <= k0, 1.0, k0 / np.maximum(u, k0) * fading)
 
 
-def igg3_loss(u: float, k0: float, k1: float) -> float:
-    """The loss whose weight is IGG-III: integral of `u w(u)`, in closed form."""
-    u = min(abs(u), k1)
-    if u <= k0:
-        return 0.5 * u * u
-    return 0.5 * k0 * k0 + k0 * ((k1 - k0) ** 3 - (k1 - u) ** 3) / (3 * (k1 - k0) ** 2)
+def igg3_loss(u: Array, k0: float, k1: float) -> Array:
+    """The loss whose weight is IGG-III, in closed form."""
+    fallen = (k1 - k0) ** 3 - (k1 - np.clip(u, k0, k1)) ** 3
+    return np.asarray(0.5 * np.minimum(u, k0) ** 2 + k0 * fallen / (3 * (k1 - k0) ** 2))
 
 
 _FAMILY: dict[Name, Callable[[Array, float, float], Array]] = {
@@ -91,4 +93,11 @@ _FAMILY: dict[Name, Callable[[Array, float, float], Array]] = {
     "cauchy": cauchy,
     "geman_mcclure": geman_mcclure,
     "igg3": igg3,
+}
+_LOSS: dict[Name, Callable[[Array, float, float], Array]] = {
+    "none": lambda u, k0, k1: 0.5 * u**2,
+    "huber": lambda u, k0, k1: 0.5 * np.minimum(u, k0) ** 2 + k0 * np.maximum(u - k0, 0.0),
+    "cauchy": lambda u, k0, k1: 0.5 * k0**2 * np.log1p((u / k0) ** 2),
+    "geman_mcclure": lambda u, k0, k1: 0.5 * k0**2 * u**2 / (k0**2 + u**2),
+    "igg3": igg3_loss,
 }

@@ -7,6 +7,7 @@ import numpy as np
 from factors import kinds, so3
 from factors.calibration import LEVER, MOUNTING, SCALE, forward_of, lateral_of
 from factors.preintegration import InertialNoise, preintegrate
+from graphnav.batch import gears
 from graphnav.batch.learnt import calibrated, imu_late, verdicts
 from graphnav.batch.smoother import Smoothed
 from graphnav.common.remark import Remark
@@ -60,7 +61,11 @@ def finish(smoothed: Smoothed, recorded: Run, rate_hz: float = 1 / GRID_S) -> So
             "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
         },
         verdicts=verdicts(found),
-        remarks=(*prep.setup.alignment.remarks, *_restless(smoothed)),
+        remarks=(
+            *prep.setup.alignment.remarks,
+            *_restless(smoothed),
+            *gears.remarks(smoothed.unclear, recorded.clock_start),
+        ),
         moved=prep.sensed.standstill.moved,
         gaps=_gaps(smoothed),
     )

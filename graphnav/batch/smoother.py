@@ -1,12 +1,13 @@
 """From a prepared run to its estimate: dead reckoning, motion states and graph, in rounds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from factors.block import POSITION
 from factors.estimate import Estimate
 from graphnav.batch.first_path import first_path
+from graphnav.batch.gears import Attempt, Contest, Unclear, contested, held_at, widened
 from graphnav.common.progress import Progress, unheard
 from graphnav.common.run import Array
 from graphnav.graph.common_error import found_common
@@ -25,6 +26,7 @@ from graphnav.recognition.timeline import Timeline, disagreement, timeline_from_
 MIN_ROUNDS, MAX_ROUNDS = 3, 12
 FIRST_INTERVAL_S = 2.0  # the first round only has to be near enough for the states
 SAME_TIMELINE = 0.002  # share of time that may still change its state
+CONTEST_ROUND = 6  # from which gears are doubted, at the latest
 SAME_PLACE, SAME_SD = 0.3, 0.15  # sigmas that a node may move; of their logarithm, to have settled
 
 
@@ -42,6 +44,7 @@ class Smoothed:
     scales: dict[str, float]  # noise found over noise assumed
     iterations: int
     rounds: int
+    unclear: tuple[Unclear, ...]  # spans whose gear is not certain
 
     @property
     def estimate(self) -> Estimate:
@@ -69,6 +72,8 @@ def smooth_batch(
     timeline = _recognised(prep, path, estimate, None)
     scales: dict[str, float] = {}
     same, last, iterations = False, False, 0
+    doubted = _has_gears(prep) and prep.setup.params.has_low_gear
+    contest: Contest | None = None if doubted else Contest(timeline, False, ())
     before: Iterate | None = None
     for round_ in range(1, most + 1):
         last = last or round_ == most
@@ -86,16 +91,24 @@ def smooth_batch(
             again = _recognised(prep, path, estimate, nodes)
             same = disagreement(timeline, again) < SAME_TIMELINE
             timeline = again
-        last = round_ + 1 >= MIN_ROUNDS and same and before is not None and now.settled(before)
+        settled = before is not None and now.settled(before)
+        ripe = (same and settled) or round_ >= CONTEST_ROUND
+        if ripe and (contest is None or contest.changed):
+            attempt = _attempts(prep, now, nodes, timeline, robust[1])
+            motion = kinematics(prep, path, estimate, None)
+            contest = contested(timeline, motion, prep.setup.params, scales, attempt, robust[1])
+            timeline, same, settled = contest.timeline, True, settled and not contest.changed
+        last = round_ + 1 >= MIN_ROUNDS and same and settled
         before = now
         scales = _rescaled(scales, now, problem, prep)
+    unclear = contest.unclear if contest else ()
     progress("state probabilities")
     if _has_gears(prep):
         motion = kinematics(prep, path, estimate, nodes)
         timeline = with_probabilities(timeline, motion, prep.setup.params)
     return Smoothed(
-        prep, problem, now.solution, timeline, now.covariances, reckoned, path, scales,
-        iterations, round_,
+        prep, problem, now.solution, timeline, widened(now.covariances, unclear), reckoned, path,
+        scales, iterations, round_, unclear,
     )  # fmt: skip
 
 
@@ -134,6 +147,34 @@ def _iterate(
     origin = prep.setup.alignment.origin
     path = densify(prep.sensed.inc, problem.pre, problem.nodes, solution.estimate, origin)
     return Iterate(solution, path, covariances(solution.bayes_net, problem.order))
+
+
+def _attempts(
+    prep: Prepared, now: Iterate, nodes: Nodes, timeline: Timeline, weights: Weights
+) -> Attempt:
+    """How the run is solved with another timeline than `timeline`, beginning where a round ended;
+    told at the nodes of `timeline`.
+    """
+    interval = prep.setup.interval
+    edge = _nodes(prep, timeline.boundaries, interval).edge
+    sd = np.sqrt(np.einsum("kii->ki", now.covariances.calibration)).min(axis=0)
+
+    def attempt(other: Timeline, scales: Scales) -> tuple[Solution, Estimate]:
+        there = _nodes(prep, other.boundaries, interval)
+        begin = _moved(now.solution.estimate, nodes, now.path, there)
+        problem = build(prep, there, other, begin, scales)
+        held = held_at(prep.setup.layout, begin.calibration, sd, there.segment_time)
+        solution = gauss_newton(
+            lambda x: [*problem.linearise(x), held(x)], begin, problem.order, weights, ROUGH
+        )
+        origin = prep.setup.alignment.origin
+        path = densify(prep.sensed.inc, problem.pre, there, solution.estimate, origin)
+        moved = replace(
+            solution.estimate, R_nb=path.R_nb[edge], v_n=path.v_n[edge], p_n=path.p_n[edge]
+        )
+        return solution, moved
+
+    return attempt
 
 
 def position_variances(found: Covariances) -> Array:

@@ -37,6 +37,11 @@ class VehicleParams:
     max_turn: float = 0.6  # delta_phi_max of A16, rad in 1 s; a pivot turns 0.4
     two_sided: bool = False  # both sides measured: the odometer is their mean (skid steer)
 
+    @property
+    def has_low_gear(self) -> bool:
+        """Whether the ratio tells low states from high ones."""
+        return self.kind == "tracked" and self.low_gear_ratio > 1.1
+
 
 @dataclass(frozen=True)
 class Correction:

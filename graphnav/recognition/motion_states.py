@@ -89,10 +89,10 @@ def recognise(
     are left at 1: `with_probabilities` finds them once the timeline stands.
     Raises SolutionError when there are too few samples or their grid is not uniform.
     """
-    chain, time, names = _model(kinematics, vehicle, table)
+    chain, time, names = model_of(kinematics, vehicle, table)
     timeline = timeline_from_states(time, names[most_probable(chain)])
     timeline = timeline.covering(float(kinematics.time[0]), float(kinematics.time[-1]))
-    return _cut_at_half_turn(timeline, kinematics)
+    return cut_at_half_turn(timeline, kinematics)
 
 
 def with_probabilities(
@@ -102,7 +102,7 @@ def with_probabilities(
     table: Mapping[str, Correction] | None = None,
 ) -> Timeline:
     """The timeline with each segment's state probability given all kinematics, averaged over it."""
-    chain, time, names = _model(kinematics, vehicle, table)
+    chain, time, names = model_of(kinematics, vehicle, table)
     probability = posterior(chain)
     segment = timeline.segment_at(time)
     column = np.array([int(np.flatnonzero(names == s)[0]) for s in timeline.state])
@@ -112,7 +112,7 @@ def with_probabilities(
     return replace(timeline, probability=np.where(count > 0, total / np.maximum(count, 1), 1.0))
 
 
-def _model(
+def model_of(
     kinematics: Kinematics, vehicle: VehicleParams, table: Mapping[str, Correction] | None
 ) -> tuple[Chain, Array, Names]:
     """The hidden Markov model of a run, the times of its steps and the names of its states."""
@@ -123,7 +123,7 @@ def _model(
     return _chain(moments, models, vehicle.track_gauge), time, names
 
 
-def _cut_at_half_turn(timeline: Timeline, kinematics: Kinematics) -> Timeline:
+def cut_at_half_turn(timeline: Timeline, kinematics: Kinematics) -> Timeline:
     """Move the cuts between turning and not to where the yaw rate is half that of the turn.
 
     There what a factor gets wrong in the ramp before and after the cut is equal and opposite.

@@ -84,11 +84,10 @@ BANDS: dict[str, tuple[float, float, float, float]] = {
 
 def state_models(vehicle: VehicleParams, table: dict[str, Correction]) -> tuple[StateModel, ...]:
     """The states this vehicle can be in; low ones only where the gear ratio tells them apart."""
-    has_low_gear = vehicle.low_gear_ratio > 1.1
     return tuple(
         StateModel(row, *BANDS[row.state], vehicle.max_turn)
         for row in table.values()
-        if has_low_gear or not row.low_gear
+        if vehicle.has_low_gear or not row.low_gear
     )
 
 
