@@ -290,3 +290,19 @@ def test_sample_run_with_the_odometer_as_recorded() -> None:
     )
     found = score(recognise(kinematics, TRACKED), time, truth["state"].to_numpy(dtype=str))
     assert targets_met(found), found
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_noise_of_the_odometer_speaks_for_no_gear(seed: int) -> None:
+    """From rest to speed in the high gear, then on: 3 % of noise looks less in the low gear."""
+    rng = np.random.default_rng(seed)
+    time = np.arange(0.0, 240.0, 0.1)
+    accel = np.where((time >= 10) & (time < 20), 1.0, 0.0)
+    v_y = np.cumsum(accel) * 0.1
+    unknown, none = np.full(len(time), np.inf), np.zeros(len(time))
+    kinematics = Kinematics(
+        time, v_y, unknown, v_y * (1 + 0.03 * rng.standard_normal(len(time))), none, none,
+        time < 10, accel + 0.1 * rng.standard_normal(len(time)),
+    )  # fmt: skip
+    told = recognise(kinematics, TRACKED).state_at(time[time > 12])
+    assert np.mean(told == "straight_high") > 0.99

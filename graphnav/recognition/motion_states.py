@@ -34,6 +34,7 @@ DWELL = 1.6  # s a state lasts at least
 CUT_REACH = 0.5  # s a cut may move, so that two never meet
 SD_CENTRIPETAL = 0.4  # m/s^2 of a_c that is not v_y phi_dot: vibration, side slip
 SPEED_WANDER = 0.1  # m/s^2 at which an error of the inertial speed changes
+CREEP = 0.3  # m/s of the odometer; slower, its noise is not that of driving
 SD_SPEED_LEAST = 0.05  # m/s; no inertial speed is believed further
 
 MEAN_DURATION = {
@@ -170,12 +171,10 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
     reach = round(HALF_WINDOW / dt)
     back = np.maximum(taken - reach, 0)
     ahead = np.minimum(taken + reach, len(v_o) - 1)
-    if kinematics.accel_y is None:
-        gained = np.full(len(taken), np.nan)
-    else:
+    velocity = np.full(len(v_o), np.nan)
+    if kinematics.accel_y is not None:
         steps = 0.5 * dt * (kinematics.accel_y[1:] + kinematics.accel_y[:-1])
-        velocity = np.r_[0.0, np.cumsum(steps)]
-        gained = (averaged(velocity)[ahead] - averaged(velocity)[back]) * way[taken]
+        velocity = averaged(np.r_[0.0, np.cumsum(steps)])
     return kinematics.time[taken], Moments(
         step=every * dt,
         speed=(speed * way)[taken],
@@ -189,8 +188,24 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
         odometer_after=v_o[ahead],
         yaw_rate_before=turning[back],
         yaw_rate_after=turning[ahead],
-        gained=gained,
+        gained=(velocity[ahead] - velocity[back]) * way[taken],
+        sd_change=_relative_noise(v_o, way * np.gradient(velocity), reach) * v_o[taken],
     )
+
+
+def _relative_noise(v_o: Array, gaining: Array, reach: int) -> float:
+    """Noise of the odometer's change over a window, as a share of its speed: by how much two
+    changes that follow each other differ when the accelerometer's share is taken off. What pulses,
+    stamps and slip make of a speed grows with it. `gaining`: m/s a step, NaN where unknown.
+    """
+    windows = [slice(None, -4 * reach), slice(2 * reach, -2 * reach), slice(4 * reach, None)]
+    before, now, after = (v_o[window] for window in windows)
+    gained = np.cumsum(np.nan_to_num(gaining))
+    bend = after - 2 * now + before
+    bend -= gained[windows[2]] - 2 * gained[windows[1]] + gained[windows[0]]
+    seen = np.isfinite(bend) & (now > CREEP)
+    share = np.abs(bend[seen]) / now[seen]
+    return 1.4826 * float(np.median(share)) / np.sqrt(3.0) if len(share) else 0.0
 
 
 def _inertial_speed(
@@ -228,7 +243,7 @@ def _chain(moments: Moments, models: tuple[StateModel, ...], gauge: float) -> Ch
     increments = increment_likelihood(moments, models, gauge)
     return Chain(
         likelihood=step_likelihood(moments, models, increments, gauge),
-        change=change + change_likelihood(increments, models),
+        change=change + change_likelihood(moments, models, increments, gauge),
         stay=np.log1p(-leave),
         initial=np.full(len(names), -np.log(len(names))),
         dwell=max(1, round(DWELL / moments.step)),

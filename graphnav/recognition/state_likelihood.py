@@ -30,7 +30,7 @@ CORRELATION = 0.6  # s; evidence of neighbouring steps counts once per this time
 OUTLIER = -6.0  # log likelihood ratio at which a disagreeing witness is no longer believed
 TOP_SPEED = 25.0  # m/s; a moving odometer may show anything up to it
 NO_EVIDENCE = 1e3  # m/s, sd that stands for "not known"
-INCREMENT_SD = 0.06  # m/s; pulses, tilt and vibration over the window
+INCREMENT_SD = 0.06  # m/s; tilt and vibration over the window
 HALF_WINDOW = 0.6  # s; increments span twice this, a gear change takes about 0.8 s
 
 
@@ -51,6 +51,7 @@ class Moments:
     yaw_rate_before: Array  # rad/s, magnitude
     yaw_rate_after: Array
     gained: Array  # m/s, accelerometer's speed change between the two; NaN where unknown
+    sd_change: Array  # m/s, noise of the odometer's change between the two: pulses, stamps, slip
 
 
 @dataclass(frozen=True)
@@ -101,15 +102,17 @@ def step_likelihood(
     once = np.minimum(1.0, moments.step / CORRELATION)
     rarer = np.minimum(once, moments.step / moments.correlation)
     per_state = [
-        rarer * _speed(moments, model)
-        + once
-        * (_odometer(moments, model) + _radius(moments, model, gauge) + _standstill(moments, model))
-        for model in models
+        rarer * _speed(moments, model) + once * _looks(moments, model, gauge) for model in models
     ]
     same_state: Array = np.einsum("tii->ti", increments)
     same_state = same_state * min(1.0, moments.step / (2 * HALF_WINDOW))  # windows overlap
     total: Array = np.column_stack(per_state) + same_state
     return total
+
+
+def _looks(moments: Moments, model: StateModel, gauge: float) -> Array:
+    """All witnesses but the speeds: what the odometer reads, radius, rest and size of the turn."""
+    return _odometer(moments, model) + _radius(moments, model, gauge) + _standstill(moments, model)
 
 
 def _gaussian(error: Array, sd: Array) -> Array:
@@ -220,18 +223,26 @@ def increment_likelihood(moments: Moments, models: tuple[StateModel, ...], gauge
     # while a turn begins or ends the faster track gains on the middle as its factor allows
     swing = 0.5 * gauge * (moments.yaw_rate_after - moments.yaw_rate_before)
     variance += (swing**2 + INCREMENT_SD**2)[:, None, None]
+    # a factor below 1 makes the odometer's noise smaller, which must not speak for its state
+    square = np.array([m.correction.factor for m in models]) ** 2
+    variance += 0.5 * (moments.sd_change**2)[:, None, None] * (square[:, None] + square)
     value /= -2 * variance
     np.maximum(value, 3 * OUTLIER, out=value)
     return np.nan_to_num(value, copy=False, nan=0.0)
 
 
-def change_likelihood(increments: Array, models: tuple[StateModel, ...]) -> Array:
+def change_likelihood(
+    moments: Moments, models: tuple[StateModel, ...], increments: Array, gauge: float
+) -> Array:
     """What `increment_likelihood` says for a change i -> j, (T, S, S).
 
     Measured against the best explanation without a change of gear, so that only a gear change is
-    ever credited, and only where neither staying nor turning accounts for the data.
+    ever credited, and only where neither staying nor turning accounts for the data: another state
+    only as far as the motion looks like it.
     """
     low = np.array([model.correction.low_gear for model in models])
     same_gear = low[:, None] == low[None, :]
-    best = np.where(same_gear, increments, -np.inf).max(axis=2, keepdims=True)
-    return np.where(same_gear, 0.0, increments - best)
+    looks = np.column_stack([_looks(moments, model, gauge) for model in models])
+    unlike = (looks - looks.max(axis=1, keepdims=True))[:, None, :]
+    best = np.where(same_gear, increments + unlike, -np.inf).max(axis=2, keepdims=True)
+    return np.where(same_gear, 0.0, increments - np.maximum(best, 3 * OUTLIER))
