@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -15,6 +16,7 @@ from graphnav.graph.nodes import (
     nearest_node,
     next_node,
     place_nodes,
+    segment_middle,
 )
 
 EDGES = np.arange(2001) * 0.05  # 100 s at 20 Hz
@@ -148,3 +150,16 @@ def test_nearest_node_is_the_nearest(when: Array) -> None:
     for t, i, dt in zip(when, index, late, strict=True):
         assert abs(dt) <= np.abs(nodes.time - t).min() + 1e-12
         assert nodes.time[i] + dt == np.float64(t) or abs(nodes.time[i] + dt - t) < 1e-12
+
+
+@pytest.mark.parametrize(("ahead", "node"), [(0.0, 20), (0.25, 23)])
+def test_a_grid_node_gives_way_to_an_event_known_ahead(ahead: float, node: int) -> None:
+    """The grid asks for 1.0 s, an event stands at 1.15 s."""
+    edge = 0.05 * np.arange(60)
+    by = Schedule(edge, 50, [23], NONE, np.zeros(59), 0.0, 1.0, ahead)
+    assert next_node(0, by) == node
+
+
+def test_a_segment_in_force_is_the_one_whose_middle_is_nearest() -> None:
+    begun = np.array([100.0, 109.9, 110.0, 125.0])
+    np.testing.assert_allclose(segment_middle(begun, 100.0), [105.0, 105.0, 115.0, 125.0])

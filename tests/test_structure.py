@@ -1,6 +1,8 @@
 """What keeps the code readable: no long files, no long functions. Arguments: ruff (PLR0913)."""
 
 import ast
+import re
+import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -35,3 +37,36 @@ def test_every_room_says_what_comes_in_and_goes_out() -> None:
     for room in sorted(f.parent for f in (ROOT / "graphnav").glob("*/__init__.py")):
         said = ast.get_docstring(ast.parse((room / "__init__.py").read_text(encoding="utf-8")))
         assert said, room
+
+
+def test_the_drawn_rooms_are_there_and_arrows_join_rooms_that_may_import() -> None:
+    """Arrows of docs/rooms.svg run between layers, never between rooms that must not meet."""
+    drawing = (ROOT / "docs" / "rooms.svg").read_text(encoding="utf-8")
+    shapes = re.findall(
+        r'<rect x="(\d+)" y="(\d+)" width="(\d+)" height="(\d+)".*?>\n<text[^>]*class="n">(.*?)<',
+        drawing,
+    )
+    rooms = {name: tuple(map(float, sides)) for *sides, name in shapes}
+    drawn = {word for name in rooms for word in re.findall(r"\w+", name)}
+    parts = {p.parent.name for p in (ROOT / "graphnav").glob("*/__init__.py")}
+    assert drawn == parts | {"pipeline", "validation", "factors"}
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["importlinter"]
+    layers = contracts["contracts"][0]["layers"]
+    layer = {name: k for k, line in enumerate(layers) for name in re.findall(r"\w+", line)}
+
+    def at(x: float, y: float) -> str:
+        def apart(name: str) -> float:
+            left, top, width, height = rooms[name]
+            return max(left - x, x - left - width, top - y, y - top - height)
+
+        nearest = min(rooms, key=apart)
+        assert apart(nearest) < 8, (x, y)
+        return re.findall(r"\w+", nearest)[0]
+
+    arrows = re.findall(r'<path d="M([^"]+)" class="a"', drawing)
+    assert arrows
+    for arrow in arrows:
+        points = [(float(x), float(y)) for x, y in re.findall(r"([\d.]+) ([\d.]+)", arrow)]
+        begin, end = at(*points[0]), at(*points[-1])
+        by_file = (begin, end) == ("simulation", "reading")  # which must not import each other
+        assert by_file or layer[begin] != layer[end], (begin, end)

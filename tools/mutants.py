@@ -130,6 +130,12 @@ MUTANTS = [
             "return index, times - nodes.time[index]",
             "return index, nodes.time[index] - times",
         ),
+        (
+            "events ahead of a grid node",
+            "by.edge[event] - by.edge[found] < by.ahead - 1e-9",
+            "by.edge[event] - by.edge[found] < -1e-9",
+        ),
+        ("middle of a segment", "+ 0.5) * SEGMENT_S", "+ 0.25) * SEGMENT_S"),
     ),
     *_of(
         "graphnav/graph/motion.py",
