@@ -156,3 +156,13 @@ def test_a_mems_gyro_makes_it_better_again(tmp_path: Path, case: Case, solved: S
     worst, heading, slip = with_gyro.errors(solve_rover(with_gyro.run, with_gyro.vehicle))
     free = case.errors(solved)
     assert heading < 0.3 * free[1] and slip < free[2] * 1.05 and worst < 2.0
+
+
+def test_a_solution_that_creeps_is_told(
+    case: Case, solved: Solved, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert not solved.remarks
+    monkeypatch.setattr("graphnav.rover.smoother.FINE", 0.0)
+    creeping = solve_rover(case.run, case.vehicle)
+    assert [r.level for r in creeping.remarks] == [1]
+    assert "does not settle" in creeping.remarks[0].why

@@ -10,7 +10,6 @@ from factors.preintegration import InertialNoise, preintegrate
 from graphnav.batch import gears
 from graphnav.batch.learnt import calibrated, imu_late, verdicts
 from graphnav.batch.smoother import Smoothed
-from graphnav.common.remark import Remark
 from graphnav.common.run import Array, Run
 from graphnav.graph import inertial_noise
 from graphnav.graph.densify import Path, densify
@@ -63,18 +62,12 @@ def finish(smoothed: Smoothed, recorded: Run, rate_hz: float = 1 / GRID_S) -> So
         verdicts=verdicts(found),
         remarks=(
             *prep.setup.alignment.remarks,
-            *_restless(smoothed),
+            *smoothed.solution.remarks,
             *gears.remarks(smoothed.unclear, recorded.clock_start),
         ),
         moved=prep.sensed.standstill.moved,
         gaps=_gaps(smoothed),
     )
-
-
-def _restless(smoothed: Smoothed) -> list[Remark]:
-    """A word where the iteration did not come to rest."""
-    why = smoothed.solution.restless
-    return [Remark(why, level=1)] if why else []
 
 
 def _sample_by_sample(smoothed: Smoothed) -> Path:

@@ -10,6 +10,7 @@ from factors.block import Block
 from factors.estimate import Estimate, finite
 from factors.weights import Robust
 from graphnav.common.errors import SolutionError
+from graphnav.common.remark import Remark
 from graphnav.common.run import Array
 from graphnav.graph.contradiction import moment, worst
 from graphnav.graph.elimination import (
@@ -42,7 +43,7 @@ class Solution:
     bayes_net: gtsam.GaussianBayesNet
     iterations: int
     cost: float  # 0.5 sum w r^2
-    restless: str = ""  # what keeps it from settling, in words; empty when it settled
+    remarks: tuple[Remark, ...] = ()  # what keeps it from settling, where it does not
 
 
 def weights_of(block: Block, robust: Mapping[str, Robust]) -> Array:
@@ -97,9 +98,11 @@ def gauss_newton(
     moved, why = np.sqrt(attempt.length), worst(blocks, weights)
     if moved < RESTLESS:  # of all states together
         cost = cost_of(blocks, weights)
-        restless = f"the solution does not settle to better than {moved:.2g} sigma: {why}"
+        remark = Remark(
+            f"the solution does not settle to better than {moved:.2g} sigma: {why}", level=1
+        )
         return Solution(
-            estimate, blocks, weights, attempt.bayes_net, MAX_ITERATIONS, cost, restless
+            estimate, blocks, weights, attempt.bayes_net, MAX_ITERATIONS, cost, (remark,)
         )
     raise SolutionError(
         f"no convergence in {MAX_ITERATIONS} iterations (last step {moved:.2g} sigma): {why}"

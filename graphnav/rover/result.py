@@ -100,6 +100,7 @@ def finished(solution: RoverSolution, run: Run, vehicle: Vehicle) -> Solved:
         },
         standstills=standstills(solution.problem.wheels),
         verdicts=verdicts(solution),
+        remarks=solution.solution.remarks,
         wheel_events=tuple(wheel_events(solution)),
     )
 
