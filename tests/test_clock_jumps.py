@@ -81,3 +81,17 @@ def test_a_pause_stays_a_gap(counter: bool, fixes: bool, pause: float) -> None:
 def test_what_nothing_tells_stays_a_gap() -> None:
     run = jumped(drive(counter=False, fixes=False), 20.0)
     assert without_jumps(run) is run
+
+
+@pytest.mark.parametrize("stall", [0.4, 2.0])
+def test_a_stall_of_the_host_is_no_jump(stall: float) -> None:
+    """All that was sampled meanwhile is stamped when the host goes on."""
+    run, end = drive(counter=True, fixes=True), AT + stall
+    changed = {}
+    for name in ("imu", "odometer", "gnss"):
+        sensor = getattr(run, name)
+        late = (sensor.time > AT) & (sensor.time < end)
+        waited = end + 1e-6 * (np.cumsum(late) - late.sum())
+        changed[name] = replace(sensor, time=np.where(late, waited, sensor.time))
+    stalled = replace(run, **changed)
+    assert without_jumps(stalled) is stalled

@@ -19,7 +19,8 @@ def delay(value: float, sd: float) -> list[Calibrated]:
 
 
 @pytest.mark.parametrize(
-    ("value", "sd", "late"), [(0.3, 0.01, 0.0), (-0.06, 0.01, 0.06), (-0.06, 0.03, 0.0)]
+    ("value", "sd", "late"),
+    [(0.3, 0.01, 0.0), (-0.06, 0.01, 0.06), (-0.06, 0.03, 0.0), (-1.2, 0.01, 0.0)],
 )
 def test_fixes_that_come_early_tell_of_an_imu_that_is_late(
     value: float, sd: float, late: float
@@ -34,3 +35,4 @@ def test_it_is_told_whose_clock_is_late() -> None:
         in verdicts(delay(-0.06, 0.01))[0]
     )
     assert verdicts(delay(-0.01, 0.01)) == []
+    assert "1.20 +- 0.01 s early: told on the clock of the IMU" in verdicts(delay(-1.2, 0.01))[0]

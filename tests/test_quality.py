@@ -217,6 +217,19 @@ def test_a_healthy_run_has_no_cause(solved: Solved) -> None:
     assert causes.likeliest(solved.run, solved.vehicle, 10**9) == []
 
 
+def test_a_stated_heading_that_does_not_hold_is_doubt(solved: Solved) -> None:
+    heading = float(trajectory.table(solved, 10.0)["heading_deg"][0])
+
+    def doubt(off: float) -> float:
+        start = solved.vehicle.start.model_copy(
+            update={"heading_deg": (heading + off) % 360, "heading_sd_deg": 1.0}
+        )
+        vehicle = solved.vehicle.model_copy(update={"start": start})
+        return causes.doubt(replace(solved, vehicle=vehicle))
+
+    assert doubt(180.0) == doubt(-90.0) == pytest.approx(doubt(0.5) + 0.3)
+
+
 def test_the_imus_noise_is_told_where_its_residuals_show_it(solved: Solved) -> None:
     told = solved.solver["imu_noise"]
     assert set(told) == {"standing", "driving"}

@@ -15,7 +15,7 @@ from graphnav.graph.calibrations import scale_components
 from graphnav.reading import columns, units
 from graphnav.reading.axes import DIRECTIONS, axes_matrix, axes_name
 from graphnav.reading.grades import GRADES
-from graphnav.reading.vehicle import BodySpec, ImuSpec, OdometerSpec, StartSpec
+from graphnav.reading.vehicle import BodySpec, GnssSpec, ImuSpec, OdometerSpec, StartSpec
 from graphnav.reading.vehicle_file import TABLES, load_vehicle, parse_vehicle
 
 WHEELED = {"vehicle": {"kind": "wheeled"}}
@@ -110,6 +110,13 @@ def test_deviations_are_wider_when_nothing_is_stated() -> None:
     assert stated.lever_arm_sd < OdometerSpec().lever_arm_sd
     assert stated.mount_sd_deg < OdometerSpec().mount_sd_deg
     assert OdometerSpec(lever_arm_sd=0.3).lever_arm_sd == 0.3
+
+
+def test_an_antenna_that_would_sit_in_the_imu_is_not_stated() -> None:
+    zeros = GnssSpec(lever_arm=(0.0, 0.0, 0.0))
+    assert zeros.lever_arm_sd == GnssSpec().lever_arm_sd == 1.0
+    assert GnssSpec(lever_arm=(0.0, 0.5, 0.0)).lever_arm_sd == 0.05
+    assert GnssSpec(lever_arm=(0.0, 0.0, 0.0), lever_arm_sd=0.02).lever_arm_sd == 0.02
 
 
 def test_models_are_frozen() -> None:

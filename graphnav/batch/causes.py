@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from factors import kinds
 from graphnav.batch import doubts
 from graphnav.batch.finish import finish
 from graphnav.batch.hypotheses import hypotheses
 from graphnav.batch.noise_doubts import WORSE, noise_found
 from graphnav.batch.smoother import smooth_batch
+from graphnav.common.angles import angles_of_rotation
 from graphnav.common.errors import GraphnavError
 from graphnav.common.remark import Remark
 from graphnav.common.run import Run
@@ -86,14 +86,23 @@ def doubt(solved: Solved) -> float:
     rows = sum(float(share.mean()) for share in shares if len(share))
     sigmas = [s for c in solved.calibrated if c.name in doubts.CALIBRATIONS
               for s in doubts.sigmas_off(c)]  # fmt: skip
-    sigmas += [s for block, _ in doubts.of_kind(solved, kinds.START_HEADING)
-               for s in np.abs(block.residual[:, 0])]  # fmt: skip
-    excess = PER_SIGMA * np.maximum(np.array(sigmas) - EXCUSED, 0.0)
+    excess = PER_SIGMA * np.maximum(np.array([*sigmas, _heading_off(solved)]) - EXCUSED, 0.0)
     findings = len(driving_findings(solved.run, solved.vehicle))
     odd = CONTRADICTION * (findings + sum(remark.level > 0 for remark in solved.remarks))
     noisy = [max(times / WORSE, 1.0) for _, _, times in noise_found(solved)]
     noise = float(np.log10(noisy).sum())
     return rows + float(np.minimum(excess, MOST_SIGMA).sum()) + odd + PER_DECADE * noise
+
+
+def _heading_off(solved: Solved) -> float:
+    """How far the heading at the start is from a stated one, in its sigmas, in the graph or not:
+    a cause that the user's own heading contradicts is not the likelier one."""
+    start, R = solved.vehicle.start, solved.path.R_nb[0]
+    if start.heading_deg is None:
+        return 0.0
+    ahead = R @ solved.R_bm if start.heading_of == "vehicle" else R
+    off = np.rad2deg(angles_of_rotation(ahead)[2]) - start.heading_deg
+    return float(abs((off + 180.0) % 360.0 - 180.0) / start.heading_sd_deg)
 
 
 @dataclass(frozen=True)

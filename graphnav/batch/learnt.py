@@ -31,6 +31,7 @@ DEG = np.deg2rad(1.0)
 ASTRAY = 3.0  # deviations, of fixes and of what is known of their common error
 LATE_S = 0.05  # of fixes, that is worth telling
 EARLY_S = 0.02  # of fixes, that an IMU is late by
+WAITS_S = 0.5  # of an IMU that filters or waits, at most: what is more is a clock set wrong
 
 
 @dataclass(frozen=True)
@@ -142,11 +143,12 @@ def verdicts(found: list[Calibrated]) -> list[str]:
 def imu_late(found: list[Calibrated]) -> float:
     """By how much the IMU's stamps are late, s: no receiver stamps a fix before it is taken, so
     fixes that come early tell of an IMU that filters or waits; the path is told on their clock.
+    Earlier than any IMU waits, it is the fixes that are stamped by another clock than the rest.
     """
     for c in found:
         if c.name == "gnss_time_offset_s":
             early, sd = -float(c.value[0, 0]), float(c.sd[0, 0])
-            return early if early > max(EARLY_S, 3 * sd) else 0.0
+            return early if max(EARLY_S, 3 * sd) < early < WAITS_S else 0.0
     return 0.0
 
 
@@ -155,6 +157,8 @@ def _late(c: Calibrated) -> list[str]:
     late, sd = float(c.value[0, 0]), float(c.sd[0, 0])
     if late > max(LATE_S, 3 * sd):
         return [f"fixes come {late:.2f} +- {sd:.2f} s late"]
+    if late < -WAITS_S:
+        return [f"fixes come {-late:.2f} +- {sd:.2f} s early: told on the clock of the IMU"]
     if imu_late([c]):
         return [
             f"the fixes come {-late:.2f} +- {sd:.2f} s early, the IMU's stamps late by as much: "

@@ -1,6 +1,7 @@
 """Jumps of the recording's clock: all sensors fall silent at once, and nothing happened meanwhile.
 
-A pause of the recorder looks the same in the stamps. What was driven tells them apart: across a
+After a stall of the host the samples that waited follow at once, and it is none. A pause of the
+recorder looks the same in the stamps. What was driven tells them apart: across a
 pause of s seconds a vehicle at v goes on by about v s, across a jump of the clock by nothing. A
 counter shows that, and so do fixes.
 """
@@ -35,6 +36,8 @@ def without_jumps(run: Run) -> Run:
     for at in silent[::-1].tolist():  # from the end: times before stay as they are
         start, end = float(run.imu.time[at]), float(run.imu.time[at + 1])
         jump = end - start - step
+        if _caught_up(run.imu.time[at:], jump, step):
+            continue
         if _heard(run, start, end) or not _nothing_happened(run, start, end, jump):
             continue
         note = (
@@ -44,6 +47,15 @@ def without_jumps(run: Run) -> Run:
         )
         run = _set_back(run, end, jump, note)
     return run
+
+
+def _caught_up(time: Array, jump: float, step: float) -> bool:
+    """Whether the samples after a silence, the first of the times (n,) s, came faster until they
+    were on time again: the host stalled, neither the recorder nor its clock.
+    """
+    ahead = time[1 : 2 + round(2 * jump / step)]
+    late = ahead - time[0] - step * np.arange(1, len(ahead) + 1)
+    return float(late.min()) < jump / 2
 
 
 def _sensors(run: Run) -> dict[str, Array]:

@@ -50,6 +50,11 @@ def sharper_if(given: str, sd: float, otherwise: float) -> Any:
     return lambda fields: sd if fields.get(given) is not None else otherwise
 
 
+def apart_sd(fields: dict[str, Any]) -> float:
+    """1 sigma of the antenna's lever arm, m: no antenna sits in the IMU, so zeros state nothing."""
+    return 0.05 if any(fields.get("lever_arm") or ()) else 1.0
+
+
 class Section(BaseModel):
     """One table of the vehicle file: frozen, no unknown keys."""
 
@@ -167,9 +172,7 @@ class GnssSpec(Section):
         "false: fixes are ignored except in the report", default=True
     )
     lever_arm: Vector | None = key("IMU to the antenna, b frame", "m")
-    lever_arm_sd: Positive = key(
-        "1 sigma of each component", "m", sharper_if("lever_arm", 0.05, 1.0)
-    )
+    lever_arm_sd: Positive = key("1 sigma of each component", "m", apart_sd)
     sd: Positive = key("1 sigma of fixes that state none", "m", 5.0)
     time_offset_s: Number | None = key("by how much fixes are stamped late", "s")
     time_offset_sd_s: NotNegative = key(
