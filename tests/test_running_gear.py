@@ -14,6 +14,7 @@ from factors.displacement import phase_prior
 from factors.estimate import Estimate
 from graphnav.batch.first_path import first_path
 from graphnav.graph.assembly import stacked
+from graphnav.graph.motion_noise import STAMP_S
 from graphnav.graph.nodes import Nodes, place_nodes
 from graphnav.graph.preparation import Prepared, prepare
 from graphnav.graph.problem import build
@@ -60,9 +61,25 @@ def sigmas(prep: Prepared, kind: str, intervals: tuple[float, ...]) -> list[np.n
 
 
 def test_errors_of_a_displacement_grow_with_the_root_of_time(tmp_path: Path) -> None:
-    """They are white: four intervals know as much as the one that spans them."""
-    one, four = sigmas(prepared(cruising(), tmp_path), kinds.DISPLACEMENT, (1.0, 4.0))
+    """They are white: four intervals know as much as the one that spans them, but for the times at
+    which the odometer was read.
+    """
+    late = np.array([0.0, STAMP_S * 10.0, 0.0])
+    both = sigmas(prepared(cruising(), tmp_path), kinds.DISPLACEMENT, (1.0, 4.0))
+    one, four = (np.sqrt(sigma**2 - late**2) for sigma in both)
     np.testing.assert_allclose(four / one, 2.0, rtol=0.05)
+
+
+def test_a_count_read_late_is_off_by_the_way_of_that_time(tmp_path: Path) -> None:
+    """Over a second or four: what the odometer's clock is off does not add up."""
+    slow, fast = cruising(), cruising()
+    fast["odo_speed"] *= 5.0
+    intervals = (1.0, 4.0)
+    at_10 = sigmas(prepared(slow, tmp_path), kinds.DISPLACEMENT, intervals)
+    at_50 = sigmas(prepared(fast, tmp_path), kinds.DISPLACEMENT, intervals)
+    for a, b in zip(at_10, at_50, strict=True):
+        late = np.sqrt((b[1] ** 2 - a[1] ** 2) / (50.0**2 - 10.0**2))
+        np.testing.assert_allclose(late, STAMP_S, rtol=0.05)
 
 
 def test_errors_of_the_sides_grow_with_the_root_of_time(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ from graphnav.inertial.standstill_evidence import Mask
 VERTICAL = 0.05  # m/sqrt(s), suspension and bumps
 BEND_S = 0.01  # s sqrt(s), of the centripetal acceleration: slip angles beyond the linear tyre
 CHANGE_S = 0.03  # s, of the change of speed: stamps, wheel slip, the inertia of the running gear
+STAMP_S = 0.002  # s, of the speed: when a count was read
 BUMP = 0.003  # sqrt(s), of the speed: the ground's profile
 YAW_FLOOR = 0.02  # m/sqrt(s), of the sides' difference
 YAW_SHARE = 0.1  # sqrt(s), of that in a skidding turn
@@ -52,6 +53,7 @@ def displacement_noise(
         "usual": np.where(usual < DROPPED, usual, 0.0) * np.sqrt(T)[:, None],
         "bend": _by_axis(BEND_S * speed * turn / np.sqrt(T), 0, 0),
         "change": _by_axis(0, CHANGE_S * change, 0),
+        "stamps": _by_axis(0, STAMP_S * speed, 0),
         "bumps": _by_axis(0, 0, BUMP * speed * np.sqrt(T)),
     }
     # across a gap of the IMU nobody knows where the odometer's way led; pulses come late by up to
