@@ -83,8 +83,8 @@ def igg3(u: Array, k0: float, k1: float) -> Array:
 
 def igg3_loss(u: Array, k0: float, k1: float) -> Array:
     """The loss whose weight is IGG-III, in closed form."""
-    fallen = (k1 - k0) ** 3 - (k1 - np.clip(u, k0, k1)) ** 3
-    return np.asarray(0.5 * np.minimum(u, k0) ** 2 + k0 * fallen / (3 * (k1 - k0) ** 2))
+    left = (k1 - np.clip(u, k0, k1)) / (k1 - k0)  # 1 to 0, exactly 1 where nothing fades
+    return np.asarray(0.5 * np.minimum(u, k0) ** 2 + k0 * (k1 - k0) / 3 * (1.0 - left**3))
 
 
 _FAMILY: dict[Name, Callable[[Array, float, float], Array]] = {

@@ -3,7 +3,6 @@
 import json
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -47,11 +46,8 @@ def test_help_is_fast_because_nothing_heavy_is_imported() -> None:
         "heavy = {'numpy', 'pandas', 'gtsam', 'rerun', 'pydantic', 'rich', 'scipy', 'pyarrow'};"
         "sys.exit(', '.join(heavy & set(sys.modules)) or 0)"
     )
-    start = time.perf_counter()
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    took = time.perf_counter() - start
     assert done.returncode == 0, done.stderr
-    assert took < 1.5  # 0.1 s alone; the import list above is what keeps it so
 
 
 @pytest.mark.parametrize(
@@ -89,14 +85,14 @@ def test_malformed_runs_end_with_one_line(
 
 
 def test_a_foreign_directory_is_refused_before_the_work(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = saved(driven(20), tmp_path)
     (tmp_path / "run_graphnav").mkdir()
     (tmp_path / "run_graphnav" / "mine").touch()
-    start = time.perf_counter()
+    worked = "graphnav.graph.preparation.prepare"
+    monkeypatch.setattr(worked, lambda *_, **__: pytest.fail("worked first"))
     assert "not replaced" in refused(capsys, "smooth", path)
-    assert time.perf_counter() - start < 0.5
 
 
 @pytest.mark.parametrize(

@@ -250,7 +250,7 @@ def test_stages_add_up_and_print_nothing_in_a_pipe(capfd: pytest.CaptureFixture[
         time.sleep(0.02)
     stages.done()
     assert list(stages.seconds) == ["a", "b"]
-    assert 0.04 <= stages.seconds["a"] < 1
+    assert stages.seconds["a"] >= 0.04
     assert capfd.readouterr() == ("", "")
 
 

@@ -27,9 +27,13 @@ def _of_machine() -> int:
 def _of_container() -> int:
     try:
         most = (CGROUP / "memory.max").read_text().strip()
+        if most == "max":
+            return PLENTY
         used = int((CGROUP / "memory.current").read_text())
-        return PLENTY if most == "max" else max(0, int(most) - used)
-    except (OSError, ValueError):
+        stat = dict(line.split() for line in (CGROUP / "memory.stat").read_text().splitlines())
+        cached = int(stat["inactive_file"]) + int(stat["active_file"])  # given back when asked
+        return max(0, int(most) - max(0, used - cached))
+    except (OSError, ValueError, KeyError):
         return PLENTY
 
 
