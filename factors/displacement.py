@@ -43,13 +43,11 @@ from factors.calibration import (
     GYRO_SCALE,
     LEVER,
     MOUNTING,
-    SCALE,
     Layout,
 )
 from factors.estimate import Estimate
-
-AXES = ("lateral", "forward", "vertical")
-E_X, E_Y = np.array([1.0, 0, 0]), np.array([0, 1.0, 0])
+from factors.mounting import E_X, E_Y, Mounting, mounting
+from factors.odometer_model import AXES, Gain, OdometerModel
 
 
 @dataclass(frozen=True)
@@ -74,50 +72,12 @@ class OdometerSums:
 
 
 @dataclass(frozen=True)
-class Coefficient:
-    """A coefficient of n factors: held, or calibrated in a column of the factor's own."""
-
-    held: Array  # (n,) its value where it is not calibrated
-    on: Index  # (m,) the factors that have it calibrated
-    column: Index  # (m,) calibration column of each of these
-
-    def value(self, c: Array) -> Array:
-        """Of each factor with the calibrations `c` (n, dim) in force, (n,)."""
-        out = self.held.copy()
-        out[self.on] = c[self.on, self.column]
-        return out
-
-    def add_to(self, J_c: Array, derivative: Array) -> None:
-        """Add the derivatives (n, 3) of the factors to the Jacobian (n, 3, dim)."""
-        J_c[self.on, :, self.column] += derivative[self.on]
-
-
-@dataclass(frozen=True)
 class DisplacementReading:
     """What the odometer counted over n intervals and how it is to be read."""
 
     sums: OdometerSums
-    forward: Coefficient  # f
-    lateral: Coefficient  # kappa L [m]
-    gauge: Array  # (n,) h [m]
-    roll: float  # rad, of the mounting
+    model: OdometerModel
     sigma: Array  # (n, 3) m, one sigma of lateral, forward, vertical
-
-
-@dataclass(frozen=True)
-class Mounting:
-    """The vehicle frame in the body: `R_bm = Exp([pitch, roll, heading])`, roll fixed."""
-
-    R_bm: Array  # (n, 3, 3)
-    jacobian: Array  # (n, 3, 2) right perturbation of R_bm per pitch and heading
-
-
-def mounting(pitch_heading: Array, roll: float) -> Mounting:
-    """Mounting rotations of (n, 2) pitch and heading angles [rad] (B2)."""
-    vector = np.stack(
-        [pitch_heading[:, 0], np.full(len(pitch_heading), roll), pitch_heading[:, 1]], -1
-    )
-    return Mounting(so3.exp(vector), so3.right_jacobian(vector)[:, :, [0, 2]])
 
 
 def displacement(reading: DisplacementReading, layout: Layout, scope: Scope, x: Estimate) -> Block:
@@ -141,28 +101,11 @@ def displacement(reading: DisplacementReading, layout: Layout, scope: Scope, x: 
     J_j[:, :, ROTATION] = -to_m @ R_ij @ so3.skew(lever)
     J_j[:, :, POSITION] = to_m @ so3.transpose(R_i)
     J_i[:, :, POSITION] = -J_j[:, :, POSITION]
-    in_odometer_units(reading.forward, layout, c, r, (J_i, J_j, J_c))
+    reading.model.in_odometer_units(layout, c, r, (J_i, J_j, J_c))
     r[:, 1] += x.phase[scope.node + 1] - x.phase[scope.node]
     J_i[:, 1, PHASE], J_j[:, 1, PHASE] = -1.0, 1.0
     terms = between(scope, J_i, J_j, J_c)
     return whitened(kinds.DISPLACEMENT, AXES, scope.time, r, reading.sigma, terms)
-
-
-def in_odometer_units(
-    forward: Coefficient, layout: Layout, c: Array, r: Array, jacobians: tuple[Array, ...]
-) -> None:
-    """Divide the forward row by `f (1 + s)`, in place: its noise is the odometer's, so that a scale
-    does not gain by shrinking it (errors in variables, as in `IntervalNoise.scaled`).
-
-    Args: `c` (n, dim) in force, `r` (n, 3), `jacobians` (n, 3, .) of it, by calibrations the last.
-    """
-    f, scale = forward.value(c), 1 + c[:, layout.column(SCALE)]
-    for part in (r[:, :, None], *jacobians):
-        part[:, 1] /= (f * scale)[:, None]
-    by_gain = -r[:, 1, None] * E_Y
-    J_c = jacobians[-1]
-    J_c[:, 1, layout.column(SCALE)] += by_gain[:, 1] / scale
-    forward.add_to(J_c, by_gain / f[:, None])
 
 
 @dataclass(frozen=True)
@@ -171,8 +114,7 @@ class _Read:
 
     total: Array  # (n, 3) m
     mount: Mounting
-    unscaled: Array  # (n,) f
-    scale: Array  # (n,) 1 + s
+    gain: Gain
     distance: Array  # (n, 3, 3) sum C_k d_k with the delay in force
     sideways: Array  # (n, 3, 3) what acts along -R_bm e_x
     travel: Array  # (n, 3) distance along R_bm e_y
@@ -181,12 +123,10 @@ class _Read:
 
 def _read(reading: DisplacementReading, layout: Layout, c: Array) -> _Read:
     """The odometer's displacement with the calibrations `c` (n, dim) in force."""
-    sums = reading.sums
-    mount = mounting(c[:, layout.slices[MOUNTING]], reading.roll)
+    sums, model = reading.sums, reading.model
+    mount, gain = mounting(c[:, layout.slices[MOUNTING]], model.roll), model.gain(layout, c)
     ex, ey = mount.R_bm @ E_X, mount.R_bm @ E_Y
-    forward, scale = reading.forward.value(c), 1 + c[:, layout.column(SCALE)]
-    gain = forward * scale
-    sideways = reading.lateral.value(c)[:, None, None] * sums.turn
+    sideways = model.lateral.value(c)[:, None, None] * sums.turn
     if (cornering := layout.find(CORNERING)) is not None:
         sideways = sideways - c[:, cornering, None, None] * sums.bend
     distance = sums.distance
@@ -194,22 +134,21 @@ def _read(reading: DisplacementReading, layout: Layout, c: Array) -> _Read:
         late = c[:, delay] - sums.delay
         distance = distance + late[:, None, None] * sums.distance_rate
     travel = so3.mv(distance, ey)
-    swerve = gain[:, None] * so3.mv(sums.distance_late, ey)
-    D = gain[:, None] * travel - reading.gauge[:, None] * so3.mv(sums.turn_abs, ey)
+    swerve = gain.value[:, None] * so3.mv(sums.distance_late, ey)
+    D = gain.value[:, None] * travel - model.gauge[:, None] * so3.mv(sums.turn_abs, ey)
     drift = c[:, layout.slices[GYRO_BIAS]] - sums.drift
     if GYRO_SCALE in layout.slices:
         drift = drift + c[:, layout.slices[GYRO_SCALE]] * sums.rate
     D = D - so3.mv(sideways, ex) + so3.cross(swerve, drift)
-    return _Read(D, mount, forward, scale, distance, sideways, travel, swerve)
+    return _Read(D, mount, gain, distance, sideways, travel, swerve)
 
 
 def _calibration_columns(
     reading: DisplacementReading, layout: Layout, D: _Read, to_m: Array, r: Array
 ) -> Array:
     """Jacobian (n, 3, dim) by all calibrations but the lever; `r` (n, 3) without the phase."""
-    sums, R_bm = reading.sums, D.mount.R_bm
+    sums, model, R_bm, gain = reading.sums, reading.model, D.mount.R_bm, D.gain.value
     ex, ey = R_bm @ E_X, R_bm @ E_Y
-    gain = D.unscaled * D.scale
     J_c = np.zeros((*r.shape, layout.dim))
 
     def in_m(x: Array) -> Array:
@@ -219,18 +158,17 @@ def _calibration_columns(
     J_c[:, :, layout.slices[GYRO_BIAS]] = by_drift
     if GYRO_SCALE in layout.slices:
         J_c[:, :, layout.slices[GYRO_SCALE]] = by_drift * sums.rate[:, None, :]
-    J_c[:, :, layout.column(SCALE)] = -in_m(D.unscaled[:, None] * D.travel)
+    model.add_by_gain(J_c, layout, D.gain, -in_m(D.travel))
     if (delay := layout.find(DELAY)) is not None:
         J_c[:, :, delay] = -in_m(gain[:, None] * so3.mv(sums.distance_rate, ey))
     if (cornering := layout.find(CORNERING)) is not None:
         J_c[:, :, cornering] = -in_m(so3.mv(sums.bend, ex))
     tilt = gain[:, None, None] * D.distance @ R_bm @ so3.skew(E_Y)
-    tilt = tilt - reading.gauge[:, None, None] * sums.turn_abs @ R_bm @ so3.skew(E_Y)
+    tilt = tilt - model.gauge[:, None, None] * sums.turn_abs @ R_bm @ so3.skew(E_Y)
     tilt = tilt - D.sideways @ R_bm @ so3.skew(E_X)
     # D turns with R_bm, and so do the axes the residual is told in; the counter's phase does not
     J_c[:, :, layout.slices[MOUNTING]] = (to_m @ tilt + so3.skew(r)) @ D.mount.jacobian
-    reading.forward.add_to(J_c, -in_m(D.scale[:, None] * D.travel))
-    reading.lateral.add_to(J_c, in_m(so3.mv(sums.turn, ex)))
+    model.lateral.add_to(J_c, in_m(so3.mv(sums.turn, ex)))
     return J_c
 
 

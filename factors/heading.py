@@ -13,8 +13,8 @@ import numpy as np
 from factors import kinds, so3
 from factors.block import NODE_DIM, ROTATION, Array, Block, Scope, Term
 from factors.calibration import MOUNTING, Layout
-from factors.displacement import E_Y, mounting
 from factors.estimate import Estimate
+from factors.mounting import E_Y, mounting
 
 
 @dataclass(frozen=True)

@@ -78,8 +78,8 @@ def inertial(
     J_i, J_j = np.zeros((n, 9, NODE_DIM)), np.zeros((n, 9, NODE_DIM))
     J_e = np.zeros((n, 9, 12))
     _attitude_rows(pre, m, J_i, J_j, J_e)
-    _velocity_rows(pre, field, m, J_i, J_j, J_e)
-    _position_rows(pre, field, m, J_i, J_j, J_e)
+    _velocity_rows(pre, m, J_i, J_j, J_e)
+    _position_rows(pre, m, J_i, J_j, J_e)
     # told in the sensors' own units: a corrected sample carries its noise less its scale error
     scale = (errors - pre.errors)[:, SCALES]
     white = pre.noise.scaled(scale)
@@ -110,6 +110,9 @@ class _Motion:
     E: Array  # (n, 3, 3) predicted to estimated attitude of node j
     angle: Array  # (n, 3) its logarithm
     Omega_b: Array  # (n, 3) Earth rate
+    W: Array  # (n, 3, 3) its cross product
+    turn: Array  # (n, 3, 3) the Earth rate's cross product with vectors of n, told in the body
+    sag: Array  # (n, 3, 3) 1/s^2, change of gravity with the place in n, told in the body
     q_v: Array  # (n, 3) change of velocity the states ask for
     q_p: Array  # (n, 3) change of position they ask for
     y_v: Array  # (n, 3) what the Earth rate acts on in the velocity
@@ -127,6 +130,7 @@ def _motion(pre: Preintegrated, field: EarthField, x: Estimate, de: Array) -> _M
     dv = pre.dv + so3.mv(pre.dv_de, de)
     dp = pre.dp + so3.mv(pre.dp_de, de)
     E = so3.transpose(so3.exp(-Omega * T) @ R_i @ dR) @ R_j
+    Omega_b = so3.mv(R_ni_T, np.broadcast_to(Omega, (len(T), 3)))
     coriolis_v = 2 * so3.cross(Omega, p_j - p_i)
     coriolis_p = so3.cross(Omega, v_i * T**2 + (v_j - v_i) * T**2 / 3)
     return _Motion(
@@ -138,7 +142,10 @@ def _motion(pre: Preintegrated, field: EarthField, x: Estimate, de: Array) -> _M
         error_turn=error_turn,
         E=E,
         angle=so3.log(E),
-        Omega_b=so3.mv(R_ni_T, np.broadcast_to(Omega, (len(T), 3))),
+        Omega_b=Omega_b,
+        W=so3.skew(Omega_b),
+        turn=R_ni_T @ so3.skew(Omega),
+        sag=R_ni_T @ field.gradient,
         q_v=so3.mv(R_ni_T, v_j - v_i - field.g_n * T + coriolis_v),
         q_p=so3.mv(R_ni_T, p_j - p_i - v_i * T - 0.5 * field.g_n * T**2 + coriolis_p),
         y_v=T * dv - dp,
@@ -154,11 +161,8 @@ def _attitude_rows(pre: Preintegrated, m: _Motion, J_i: Array, J_j: Array, J_e: 
     J_e[:, ROTATION] = back @ so3.right_jacobian(m.error_turn) @ pre.dR_de
 
 
-def _velocity_rows(
-    pre: Preintegrated, field: EarthField, m: _Motion, J_i: Array, J_j: Array, J_e: Array
-) -> None:
-    T, W = m.T[:, :, None], so3.skew(m.Omega_b)
-    turn, sag = m.R_ni_T @ so3.skew(field.Omega_n), m.R_ni_T @ field.gradient
+def _velocity_rows(pre: Preintegrated, m: _Motion, J_i: Array, J_j: Array, J_e: Array) -> None:
+    T, W, turn, sag = m.T[:, :, None], m.W, m.turn, m.sag
     J_i[:, VELOCITY, ROTATION] = so3.skew(m.q_v) - so3.skew(m.y_v) @ W
     J_i[:, VELOCITY, VELOCITY], J_j[:, VELOCITY, VELOCITY] = -m.R_ni_T, m.R_ni_T
     J_i[:, VELOCITY, POSITION] = -2 * turn - sag * T / 2
@@ -167,11 +171,8 @@ def _velocity_rows(
     J_e[:, VELOCITY] = W @ (T * pre.dv_de - pre.dp_de) - pre.dv_de
 
 
-def _position_rows(
-    pre: Preintegrated, field: EarthField, m: _Motion, J_i: Array, J_j: Array, J_e: Array
-) -> None:
-    T, W = m.T[:, :, None], so3.skew(m.Omega_b)
-    turn, sag = m.R_ni_T @ so3.skew(field.Omega_n), m.R_ni_T @ field.gradient
+def _position_rows(pre: Preintegrated, m: _Motion, J_i: Array, J_j: Array, J_e: Array) -> None:
+    T, W, turn, sag = m.T[:, :, None], m.W, m.turn, m.sag
     J_i[:, POSITION, ROTATION] = so3.skew(m.q_p) - so3.skew(m.y_p) @ W
     J_i[:, POSITION, VELOCITY] = -m.R_ni_T * T + turn * (2 / 3 * T**2)
     J_j[:, POSITION, VELOCITY] = turn * (T**2 / 3)

@@ -17,9 +17,10 @@ import numpy as np
 
 from factors import kinds, so3
 from factors.block import NODE_DIM, ROTATION, VELOCITY, Array, Block, Scope, Term, whitened
-from factors.calibration import CORNERING, DELAY, LEVER, MOUNTING, SCALE, Layout
-from factors.displacement import AXES, E_X, E_Y, Coefficient, in_odometer_units, mounting
+from factors.calibration import CORNERING, DELAY, LEVER, MOUNTING, Layout
 from factors.estimate import Estimate
+from factors.mounting import E_X, E_Y, mounting
+from factors.odometer_model import AXES, OdometerModel
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,7 @@ class VelocityReading:
     change: Array  # (n,) m/s^2, of it by the delay
     delay: float  # s, that `speed` was taken with
     rate_b: Array  # (n, 3) rad/s, body relative to the Earth at the node
-    forward: Coefficient  # f
-    lateral: Coefficient  # kappa L [m]
-    gauge: Array  # (n,) h [m]
-    roll: float  # rad, of the mounting
+    model: OdometerModel
     sigma: Array  # (n, 3) m/s; very large leaves a row out
 
 
@@ -42,7 +40,7 @@ def velocity(reading: VelocityReading, layout: Layout, scope: Scope, x: Estimate
     n, c = len(scope.node), x.calibration[scope.segment]
     rate_b, yaw_rate = reading.rate_b, reading.rate_b[:, 2]
     angles, arm = layout.slices[MOUNTING], layout.slices[LEVER]
-    mount = mounting(c[:, angles], reading.roll)
+    mount = mounting(c[:, angles], reading.model.roll)
     R_mb, R_nb = so3.transpose(mount.R_bm), x.R_nb[scope.node]
     v_b = so3.mtv(R_nb, x.v_n[scope.node])
     v_m = so3.mv(R_mb, v_b + so3.cross(rate_b, c[:, arm]))
@@ -58,7 +56,7 @@ def velocity(reading: VelocityReading, layout: Layout, scope: Scope, x: Estimate
         for J in (J_x[:, :, ROTATION], J_x[:, :, VELOCITY], J_c[:, :, angles], J_c[:, :, arm]):
             J[:, 0] -= slip * J[:, 1]
     r = v_m - expected
-    in_odometer_units(reading.forward, layout, c, r, (J_x, J_c))
+    reading.model.in_odometer_units(layout, c, r, (J_x, J_c))
     terms = (Term("x", scope.node, J_x), Term("c", scope.segment, J_c))
     return whitened(kinds.VELOCITY, AXES, scope.time, r, reading.sigma, terms)
 
@@ -69,19 +67,17 @@ def _expected(
     """What running gear and odometer say of `v_m` (n, 3), and the residual's Jacobian (n, 3, dim)
     by the calibrations that only act there.
     """
-    yaw_rate, speed = reading.rate_b[:, 2], reading.speed
+    model, yaw_rate, speed = reading.model, reading.rate_b[:, 2], reading.speed
     J_c = np.zeros((len(c), 3, layout.dim))
-    forward, scale = reading.forward.value(c), 1 + c[:, layout.column(SCALE)]
-    gain = forward * scale
+    gain = model.gain(layout, c)
     if (delay := layout.find(DELAY)) is not None:
         speed = speed + (c[:, delay] - reading.delay) * reading.change
-        J_c[:, 1, delay] = -gain * reading.change
-    forward_speed = gain * speed - reading.gauge * np.abs(yaw_rate) * np.sign(reading.speed)
-    lateral = -reading.lateral.value(c) * yaw_rate
+        J_c[:, 1, delay] = -gain.value * reading.change
+    forward_speed = gain.value * speed - model.gauge * np.abs(yaw_rate) * np.sign(reading.speed)
+    lateral = -model.lateral.value(c) * yaw_rate
     if (cornering := layout.find(CORNERING)) is not None:
         lateral = lateral + c[:, cornering] * v_m[:, 1] * yaw_rate
         J_c[:, 0, cornering] = -v_m[:, 1] * yaw_rate
-    J_c[:, 1, layout.column(SCALE)] = -forward * speed
-    reading.forward.add_to(J_c, -(scale * speed)[:, None] * E_Y)
-    reading.lateral.add_to(J_c, yaw_rate[:, None] * E_X)
+    model.add_by_gain(J_c, layout, gain, -speed[:, None] * E_Y)
+    model.lateral.add_to(J_c, yaw_rate[:, None] * E_X)
     return lateral[:, None] * E_X + forward_speed[:, None] * E_Y, J_c

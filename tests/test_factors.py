@@ -9,17 +9,12 @@ from factor_check import assert_jacobian, random_estimate
 from factors import so3
 from factors.block import Block, Scope
 from factors.calibration import Component, Layout
-from factors.displacement import (
-    Coefficient,
-    DisplacementReading,
-    OdometerSums,
-    displacement,
-    phase_prior,
-)
+from factors.displacement import DisplacementReading, OdometerSums, displacement, phase_prior
 from factors.estimate import Estimate
 from factors.heading import Bearing, heading
 from factors.inertial import EarthField, inertial, predict
 from factors.initial_state import InitialState, initial_state
+from factors.odometer_model import Coefficient, OdometerModel
 from factors.position import Carried, Fixes, position
 from factors.preintegration import Increments, InertialNoise, Preintegrated, corrected, preintegrate
 from factors.standstill import StandstillNoise, standstill
@@ -137,10 +132,12 @@ def random_reading(rng: np.random.Generator) -> DisplacementReading:
     at_f, at_l = LAYOUT.column("forward:low"), LAYOUT.column("lateral:low")
     return DisplacementReading(
         sums=sums,
-        forward=Coefficient(forward, np.array([1, 2]), np.array([at_f, at_f])),
-        lateral=Coefficient(lateral, np.array([1]), np.array([at_l])),
-        gauge=np.array([0.0, 1.4, 1.4]),
-        roll=0.03,
+        model=OdometerModel(
+            forward=Coefficient(forward, np.array([1, 2]), np.array([at_f, at_f])),
+            lateral=Coefficient(lateral, np.array([1]), np.array([at_l])),
+            gauge=np.array([0.0, 1.4, 1.4]),
+            roll=0.03,
+        ),
         sigma=np.array([[0.1, 0.02, 0.05]] * 3),
     )
 
@@ -167,12 +164,10 @@ def test_displacement_follows_gyro_errors_and_delay() -> None:
     t = np.arange(-1, 4, 0.01)
     odometer = Odometer(t, 3 * t + 0.3 * np.sin(3 * t), 3 + 0.9 * np.cos(3 * t), 0.0)
     held = np.zeros(0, np.int64)
-    reading = replace(
-        random_reading(rng),
-        gauge=np.zeros(3),
-        lateral=Coefficient(np.zeros(3), held, held),
-        roll=0.0,
-    )
+    reading = random_reading(rng)
+    straight = Coefficient(np.zeros(3), held, held)
+    plain = replace(reading.model, gauge=np.zeros(3), lateral=straight, roll=0.0)
+    reading = replace(reading, model=plain)
     x = random_estimate(rng, 4, 2, DIM)
     x.calibration[:] = 0
     x.calibration[:, LAYOUT.column("forward:low")] = 0.9
@@ -202,17 +197,13 @@ def test_displacement_follows_gyro_errors_and_delay() -> None:
 def test_velocity_jacobian(seed: int) -> None:
     rng = np.random.default_rng(seed)
     x = random_estimate(rng, 4, 2, DIM)
-    like = random_reading(rng)
     reading = VelocityReading(
         speed=5 * rng.normal(size=3),
         change=rng.normal(size=3),
         delay=0.02,
         rate_b=rng.normal(size=(3, 3)),
-        forward=like.forward,
-        lateral=like.lateral,
-        gauge=like.gauge,
+        model=random_reading(rng).model,
         sigma=np.full((3, 3), 0.1),
-        roll=0.02,
     )
     at_ends = scope(np.arange(1, 4), SEGMENT)
     assert_jacobian(lambda e: velocity(reading, LAYOUT, at_ends, e), x)

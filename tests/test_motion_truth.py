@@ -12,8 +12,9 @@ import pytest
 from factors import so3
 from factors.block import Array, Scope
 from factors.calibration import Component, Layout
-from factors.displacement import Coefficient, DisplacementReading, displacement
+from factors.displacement import DisplacementReading, displacement
 from factors.estimate import Estimate
+from factors.odometer_model import Coefficient, OdometerModel
 from factors.preintegration import Increments, InertialNoise, corrected, preintegrate
 from factors.track_width import track_width
 from factors.velocity import VelocityReading, velocity
@@ -115,12 +116,15 @@ def reading_of(d: Drive, gauge: float, bias: Array, delay: float) -> Displacemen
 
     return DisplacementReading(
         sums=odometer_sums(d.inc, pre, NODES, steps, earth),
-        forward=every("forward:low", n),
-        lateral=every("lateral:low", n),
-        gauge=np.full(n, gauge),
-        roll=float(MOUNT[1]),
+        model=model_of(n, gauge),
         sigma=np.ones((n, 3)),
     )
+
+
+def model_of(n: int, gauge: float) -> OdometerModel:
+    """Of `drive`'s vehicle."""
+    forward, lateral = every("forward:low", n), every("lateral:low", n)
+    return OdometerModel(forward, lateral, np.full(n, gauge), float(MOUNT[1]))
 
 
 def every(name: str, n: int) -> Coefficient:
@@ -177,10 +181,7 @@ def test_velocity_of_the_vehicle_point(
         change=(late - early) / (2 * half),
         delay=DELAY - off,
         rate_b=d.rate_b[ends],
-        forward=every("forward:low", n),
-        lateral=every("lateral:low", n),
-        gauge=np.full(n, gauge),
-        roll=float(MOUNT[1]),
+        model=model_of(n, gauge),
         sigma=np.ones((n, 3)),
     )
     block = velocity(reading, LAYOUT, replace(scope(), node=ends), d.x)

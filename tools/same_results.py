@@ -1,6 +1,6 @@
 """Whether a change of the code changed results: the same runs smoothed before and after.
 
-    python tools/same_results.py record OUT     # smooth every run with the code on the path
+    python tools/same_results.py record OUT     # smooth every run with this checkout's code
     python tools/same_results.py compare A B    # largest difference of every table, by run
 
 `record` simulates one run of each scenario (kept in OUT/runs; copy it to reuse it) and smooths
@@ -10,6 +10,7 @@ where a number differs by more than `--within` (absolute, 0: bit for bit).
 
 import argparse
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -17,22 +18,29 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-DATA = Path(__file__).resolve().parents[2] / "shared" / "data"
+ROOT = Path(__file__).resolve().parents[1]
+DATA = ROOT.parent / "shared" / "data"
 RECORDED = ("kingston2008", "comma2k19", "husky", "sim_tracked", "sim_rlg", "sim_mimu")
 SCENARIOS = {
     "tracked": ["tracked", "--ground", "soil"],
     "wheeled": ["wheeled", "--gnss", "--grade", "mems"],
     "slip": ["slip"],
     "rover": ["rover"],
+    "field-tracked": ["field-tracked"],
+    "field-wheeled": ["field-wheeled", "--gnss"],
+    "field-skid": ["field-skid", "--gnss"],
 }
 STREAMED = ("wheeled", "comma2k19")
 TABLES = ("trajectory", "dead_reckoning", "odometer", "trajectory_causal")
 
 
 def graphnav(*words: str) -> None:
-    """One command of the graphnav on the path; its complaint is shown."""
+    """One command of this checkout's graphnav, whatever is installed; its complaint is shown."""
     subprocess.run(
-        [sys.executable, "-m", "graphnav", *words], check=True, stdout=subprocess.DEVNULL
+        [sys.executable, "-m", "graphnav", *words],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        check=True,
+        stdout=subprocess.DEVNULL,
     )
 
 

@@ -9,8 +9,8 @@ from scipy.ndimage import median_filter
 
 from factors import so3
 from factors.calibration import GYRO_BIAS
-from factors.displacement import E_Y
 from factors.estimate import Estimate
+from factors.mounting import E_Y
 from factors.preintegration import Preintegrated, preintegrate
 from graphnav.common.run import Array
 from graphnav.graph.densify import Path, densify

@@ -7,14 +7,9 @@ import numpy as np
 from factors import kinds, so3
 from factors.block import Index, Scope
 from factors.calibration import DELAY, TRACK_WIDTH, Layout, forward_of, lateral_of
-from factors.displacement import (
-    Coefficient,
-    DisplacementReading,
-    OdometerSums,
-    displacement,
-    phase_prior,
-)
+from factors.displacement import DisplacementReading, OdometerSums, displacement, phase_prior
 from factors.estimate import Estimate
+from factors.odometer_model import Coefficient, OdometerModel
 from factors.preintegration import Preintegrated, corrected, interval_of_increment
 from factors.track_width import track_width
 from factors.velocity import VelocityReading, velocity
@@ -90,27 +85,22 @@ def _displacements(round_: Round, on: Index) -> tuple[Factor, Parts]:
     names = driven(prep, round_.state[on])
     sums = sums_of(prep, nodes, round_.pre, round_.at).of(on)
     noise = displacement_noise(round_, on, names, sums, _column(prep, names, "factor"))
-    reading = DisplacementReading(
-        sums=sums,
-        forward=_forward(prep, names),
-        lateral=_lateral(prep, names),
-        gauge=_column(prep, names, "half_gauge"),
-        roll=float(prep.setup.vehicle.odometer.mount_b[1]),
-        sigma=noise.sigma,
-    )
+    reading = DisplacementReading(sums, _odometer_model(prep, names), noise.sigma)
     return with_noise(noise, lambda x: displacement(reading, layout, scope, x)), noise
 
 
-def _forward(prep: Prepared, names: States) -> Coefficient:
-    """The odometer's factor in each state."""
-    held = _column(prep, names, "factor")
-    return _coefficient(prep.setup.layout, [forward_of(s) for s in names], held)
-
-
-def _lateral(prep: Prepared, names: States) -> Coefficient:
-    """Sideways metres per radian of turn in each state (A17)."""
-    held = _column(prep, names, "kappa") * prep.setup.vehicle.body.contact_length
-    return _coefficient(prep.setup.layout, [lateral_of(s) for s in names], held)
+def _odometer_model(prep: Prepared, names: States) -> OdometerModel:
+    """What the odometer means in the state (n,) of each interval."""
+    layout, vehicle = prep.setup.layout, prep.setup.vehicle
+    kappa_l = _column(prep, names, "kappa") * vehicle.body.contact_length
+    return OdometerModel(
+        forward=_coefficient(
+            layout, [forward_of(s) for s in names], _column(prep, names, "factor")
+        ),
+        lateral=_coefficient(layout, [lateral_of(s) for s in names], kappa_l),
+        gauge=_column(prep, names, "half_gauge"),
+        roll=float(vehicle.odometer.mount_b[1]),
+    )
 
 
 def _coefficient(layout: Layout, names: list[str], held: Array) -> Coefficient:
@@ -147,10 +137,7 @@ def _velocities(round_: Round, moving: Index) -> tuple[Factor, Parts]:
         change=spoken.change,
         delay=delay_of(prep, round_.at),
         rate_b=rate_b,
-        forward=_forward(prep, names),
-        lateral=_lateral(prep, names),
-        gauge=_column(prep, names, "half_gauge"),
-        roll=float(prep.setup.vehicle.odometer.mount_b[1]),
+        model=_odometer_model(prep, names),
         sigma=noise.sigma,
     )
     return with_noise(noise, lambda x: velocity(reading, layout, scope, x)), noise

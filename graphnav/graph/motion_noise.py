@@ -10,7 +10,8 @@ import numpy as np
 
 from factors import kinds, so3
 from factors.block import Index
-from factors.displacement import AXES, OdometerSums
+from factors.displacement import OdometerSums
+from factors.odometer_model import AXES
 from factors.preintegration import doubt_of
 from graphnav.common.run import Array
 from graphnav.graph.noise import Parts, States, parts

@@ -3,8 +3,9 @@
 import numpy as np
 
 from factors import so3
-from factors.displacement import E_Y, OdometerSums
+from factors.displacement import OdometerSums
 from factors.inertial import predict
+from factors.mounting import E_Y
 from factors.preintegration import Preintegrated
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array
