@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from streams import cut, positions, prepared, wheeled
+from streams import cut, positions, prepared
 
 from factors import so3
 from graphnav import Smoother
@@ -20,18 +20,6 @@ from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.simulation import simulate
 from graphnav.stream import incremental_graph, isam
 from graphnav.stream import replay as incremental
-
-SECONDS = 240.0  # of which the first 90 or so at rest
-
-
-@pytest.fixture(scope="module")
-def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return wheeled(tmp_path_factory.mktemp("stream"), SECONDS)
-
-
-@pytest.fixture(scope="module")
-def prep(directory: Path) -> Prepared:
-    return prepared(directory)
 
 
 @pytest.fixture(scope="module")
@@ -122,10 +110,10 @@ def test_known_later_is_known_better(prep: Prepared, stream: Smoother) -> None:
 
 
 def test_command_writes_what_was_known(
-    directory: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    wheeled_run: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = tmp_path / "result"
-    run = str(directory / "run.csv.gz")
+    run = str(wheeled_run / "run.csv.gz")
     options = ["--mode", "incremental", "--out", str(out), "--no-rrd", "--no-report"]
     monkeypatch.setattr(sys, "argv", ["graphnav", "smooth", run, *options])
     with pytest.raises(SystemExit) as ended:

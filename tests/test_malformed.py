@@ -95,24 +95,17 @@ def test_rows_of_one_time_that_contradict(tmp_path: Path) -> None:
     assert "too few decimals" in text
 
 
-def test_blank_times(tmp_path: Path) -> None:
+@pytest.mark.parametrize("column", ["time", "accel_z"])
+def test_a_few_blank_cells_are_left_out_and_many_are_not(column: str, tmp_path: Path) -> None:
     table = driven()
-    table.loc[5, "time"] = np.nan
-    assert "line 7" in left_out(saved(table, tmp_path))[1]
-    table.loc[5:70, "time"] = np.nan
-    text = complaint(saved(table, tmp_path))
-    assert "line 7: time is blank" in text
-    assert "leave the cell blank" not in text
-
-
-def test_half_filled_samples(tmp_path: Path) -> None:
-    table = driven()
-    table.loc[5, "accel_z"] = np.nan
-    assert "accel_z" in left_out(saved(table, tmp_path))[1]
-    table.loc[5:70, "accel_z"] = np.nan
+    table.loc[5, column] = np.nan
+    words = left_out(saved(table, tmp_path))[1]
+    assert ("line 7" if column == "time" else column) in words
+    table.loc[5:70, column] = np.nan
     text = complaint(saved(table, tmp_path))
     assert "line 7" in text
-    assert "accel_z is blank" in text
+    assert f"{column} is blank" in text
+    assert "leave the cell blank" not in text
 
 
 def test_infinite_numbers_are_no_samples(tmp_path: Path) -> None:

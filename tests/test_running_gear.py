@@ -125,11 +125,17 @@ def sparse(late: float, given: str) -> tuple[pd.DataFrame, str]:
     return table, f"{VEHICLE}\n[odometer]\n{given}\n"
 
 
-def test_a_sparse_odometer_is_read_at_the_nodes_own_time(tmp_path: Path) -> None:
-    table, vehicle = sparse(0.4, "time_offset_s = 0.4\ntime_offset_sd_s = 0.0")
-    prep = prepared(table, tmp_path, vehicle)
+def sparse_velocities(late: float, given: str, where: Path) -> tuple[Prepared, Nodes, Block]:
+    """Of a run with such an odometer."""
+    table, vehicle = sparse(late, given)
+    prep = prepared(table, where, vehicle)
     nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_STANDSTILL)
-    block = blocks_of(prep, nodes)[kinds.VELOCITY]
+    return prep, nodes, blocks_of(prep, nodes)[kinds.VELOCITY]
+
+
+def test_a_sparse_odometer_is_read_at_the_nodes_own_time(tmp_path: Path) -> None:
+    held = "time_offset_s = 0.4\ntime_offset_sd_s = 0.0"
+    prep, nodes, block = sparse_velocities(0.4, held, tmp_path)
     assert block.sigma is not None
     at_nodes = first_path(prep, nodes).estimate
     v_y = np.einsum("nji,nj->ni", at_nodes.R_nb, at_nodes.v_n)[block.terms[0].index, 1]
@@ -141,10 +147,7 @@ def test_a_sparse_odometer_is_read_at_the_nodes_own_time(tmp_path: Path) -> None
 
 def test_the_delay_of_a_sparse_odometer_acts_on_its_speed(tmp_path: Path) -> None:
     """Read later by a delay that turns out larger: what the vehicle gains in that time."""
-    table, vehicle = sparse(0.0, "time_offset_sd_s = 0.3")
-    prep = prepared(table, tmp_path, vehicle)
-    nodes = place_nodes(prep.sensed.inc.edge, NONE, NONE, NO_STANDSTILL)
-    block = blocks_of(prep, nodes)[kinds.VELOCITY]
+    prep, _, block = sparse_velocities(0.0, "time_offset_sd_s = 0.3", tmp_path)
     assert block.sigma is not None
     by_delay = block.terms[1].jacobian[:, 1, prep.setup.layout.column(DELAY)] * block.sigma[:, 1]
     inner = (block.sigma[:, 1] < 1.0) & (block.time > 1) & (block.time < 55)

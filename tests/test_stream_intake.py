@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from streams import cut, prepared, wheeled, with_run
+from streams import cut, with_run
 
 from graphnav import Smoother
 from graphnav.cli.cli import main
@@ -18,18 +18,6 @@ from graphnav.inertial.increments import increments
 from graphnav.stream import replay as incremental
 from graphnav.stream.inertial_intake import Inertial
 from graphnav.stream.intake import Distance
-
-SECONDS = 150.0  # of which the first 90 or so at rest
-
-
-@pytest.fixture(scope="module")
-def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return wheeled(tmp_path_factory.mktemp("stream"), SECONDS)
-
-
-@pytest.fixture(scope="module")
-def prep(directory: Path) -> Prepared:
-    return prepared(directory)
 
 
 def test_increments_of_a_stream_are_those_of_the_run(prep: Prepared) -> None:
@@ -62,9 +50,9 @@ def test_distance_of_a_stream_is_that_of_the_run(prep: Prepared) -> None:
     np.testing.assert_allclose(by_speed.distance, expected, atol=1e-2)
 
 
-def test_samples_one_by_one_and_a_latitude(directory: Path) -> None:
-    table = pd.read_csv(directory / "run.csv.gz").head(14000)
-    smoother = Smoother(directory / "vehicle.toml")
+def test_samples_one_by_one_and_a_latitude(wheeled_run: Path) -> None:
+    table = pd.read_csv(wheeled_run / "run.csv.gz").head(14000)
+    smoother = Smoother(wheeled_run / "vehicle.toml")
     assert smoother.estimate() is None
     for k in range(0, len(table), 50):
         rows = table.iloc[k : k + 50]
@@ -79,21 +67,21 @@ def test_samples_one_by_one_and_a_latitude(directory: Path) -> None:
         smoother.add_imu(rows["time"], gyro, accel)
     known = smoother.estimate()
     assert known is not None
-    truth = pd.read_csv(directory / "truth.csv.gz")
+    truth = pd.read_csv(wheeled_run / "truth.csv.gz")
     at = np.interp(known.time, truth["time"], truth["lat"])
     assert abs(np.rad2deg(known.geodetic[0]) - at) < 2e-4
     assert 138.0 < known.time < 140.0
 
 
-def test_a_stream_without_samples_says_so(directory: Path) -> None:
+def test_a_stream_without_samples_says_so(wheeled_run: Path) -> None:
     with pytest.raises(InputError, match="too few"):
-        Smoother(directory / "vehicle.toml").finish()
+        Smoother(wheeled_run / "vehicle.toml").finish()
     with pytest.raises(InputError, match="either speed"):
-        Smoother(directory / "vehicle.toml").add_odometer(0.0)
+        Smoother(wheeled_run / "vehicle.toml").add_odometer(0.0)
 
 
-def test_lag_needs_the_mode(directory: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    run = str(directory / "run.csv.gz")
+def test_lag_needs_the_mode(wheeled_run: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = str(wheeled_run / "run.csv.gz")
     monkeypatch.setattr(sys, "argv", ["graphnav", "smooth", run, "--lag", "5"])
     with pytest.raises(SystemExit) as ended:
         main()
@@ -114,7 +102,7 @@ def test_a_short_run_begins_when_it_ends(prep: Prepared, seconds: float) -> None
 
 
 def test_an_odometer_that_begins_late_is_heard(prep: Prepared) -> None:
-    run = prep.sensed.run
+    run = cut(prep, 150.0).sensed.run
     assert run.odometer is not None
     on = run.odometer.time > 100.0
     late = replace(
@@ -126,8 +114,8 @@ def test_an_odometer_that_begins_late_is_heard(prep: Prepared) -> None:
     assert "displacement" in kinds
 
 
-def test_samples_that_are_no_numbers_are_left_out(directory: Path) -> None:
-    smoother = Smoother(directory / "vehicle.toml")
+def test_samples_that_are_no_numbers_are_left_out(wheeled_run: Path) -> None:
+    smoother = Smoother(wheeled_run / "vehicle.toml")
     t = np.arange(1, 301) / 100
     gyro, accel = np.zeros((300, 3)), np.tile([0.0, 0.0, 9.8], (300, 1))
     gyro[17, 1], accel[40, 2] = np.nan, np.inf
@@ -138,8 +126,8 @@ def test_samples_that_are_no_numbers_are_left_out(directory: Path) -> None:
     assert np.isfinite(smoother.increments.rotation).all()
 
 
-def test_misuse_of_the_stream_is_told_in_one_line(directory: Path) -> None:
-    smoother = Smoother(directory / "vehicle.toml")
+def test_misuse_of_the_stream_is_told_in_one_line(wheeled_run: Path) -> None:
+    smoother = Smoother(wheeled_run / "vehicle.toml")
     smoother.add_imu(0.01, np.zeros(3), np.array([0.0, 0.0, 9.8]))
     smoother.add_odometer([0.1, 0.2], pulses=[0, 1])
     calls = [
