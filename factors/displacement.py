@@ -43,6 +43,7 @@ from factors.calibration import (
     GYRO_SCALE,
     LEVER,
     MOUNTING,
+    SCALE,
     Layout,
 )
 from factors.estimate import Estimate
@@ -158,7 +159,8 @@ def _calibration_columns(
     J_c[:, :, layout.slices[GYRO_BIAS]] = by_drift
     if GYRO_SCALE in layout.slices:
         J_c[:, :, layout.slices[GYRO_SCALE]] = by_drift * sums.rate[:, None, :]
-    model.add_by_gain(J_c, layout, D.gain, -in_m(D.travel))
+    J_c[:, :, layout.column(SCALE)] = -in_m(D.gain.factor[:, None] * D.travel)
+    model.forward.add_to(J_c, -in_m(D.gain.scale[:, None] * D.travel))
     if (delay := layout.find(DELAY)) is not None:
         J_c[:, :, delay] = -in_m(gain[:, None] * so3.mv(sums.distance_rate, ey))
     if (cornering := layout.find(CORNERING)) is not None:

@@ -65,11 +65,6 @@ class OdometerModel:
         """Scale and factor of each reading."""
         return Gain(self.forward.value(c), 1 + c[:, layout.column(SCALE)])
 
-    def add_by_gain(self, J_c: Array, layout: Layout, gain: Gain, by_gain: Array) -> None:
-        """Add derivatives (n, 3) by the gain to the columns of its parts in the Jacobian."""
-        J_c[:, :, layout.column(SCALE)] += gain.factor[:, None] * by_gain
-        self.forward.add_to(J_c, gain.scale[:, None] * by_gain)
-
     def in_odometer_units(
         self, layout: Layout, c: Array, r: Array, jacobians: tuple[Array, ...]
     ) -> None:
@@ -81,4 +76,6 @@ class OdometerModel:
         gain = self.gain(layout, c)
         for part in (r[:, :, None], *jacobians):
             part[:, 1] /= gain.value[:, None]
-        self.add_by_gain(jacobians[-1], layout, gain, -(r[:, 1] / gain.value)[:, None] * E_Y)
+        by_gain, J_c = -r[:, 1, None] * E_Y, jacobians[-1]
+        J_c[:, :, layout.column(SCALE)] += by_gain / gain.scale[:, None]
+        self.forward.add_to(J_c, by_gain / gain.factor[:, None])

@@ -17,7 +17,7 @@ import numpy as np
 
 from factors import kinds, so3
 from factors.block import NODE_DIM, ROTATION, VELOCITY, Array, Block, Scope, Term, whitened
-from factors.calibration import CORNERING, DELAY, LEVER, MOUNTING, Layout
+from factors.calibration import CORNERING, DELAY, LEVER, MOUNTING, SCALE, Layout
 from factors.estimate import Estimate
 from factors.mounting import E_X, E_Y, mounting
 from factors.odometer_model import AXES, OdometerModel
@@ -78,6 +78,7 @@ def _expected(
     if (cornering := layout.find(CORNERING)) is not None:
         lateral = lateral + c[:, cornering] * v_m[:, 1] * yaw_rate
         J_c[:, 0, cornering] = -v_m[:, 1] * yaw_rate
-    model.add_by_gain(J_c, layout, gain, -speed[:, None] * E_Y)
+    J_c[:, 1, layout.column(SCALE)] = -gain.factor * speed
+    model.forward.add_to(J_c, -(gain.scale * speed)[:, None] * E_Y)
     model.lateral.add_to(J_c, yaw_rate[:, None] * E_X)
     return lateral[:, None] * E_X + forward_speed[:, None] * E_Y, J_c

@@ -157,7 +157,7 @@ def test_displacement_jacobian(seed: int) -> None:
 def test_displacement_follows_gyro_errors_and_delay() -> None:
     """The terms that are sums over increments: against sums made anew."""
     from graphnav.common.run import Odometer
-    from graphnav.inertial.odometry import odometer_steps, odometer_sums
+    from graphnav.inertial.odometer_steps import odometer_steps, odometer_sums
 
     rng = np.random.default_rng(3)
     inc = make_increments(rng, 0.01)  # the bias term is first order in the turn of an interval

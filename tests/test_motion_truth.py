@@ -19,7 +19,7 @@ from factors.preintegration import Increments, InertialNoise, corrected, preinte
 from factors.track_width import track_width
 from factors.velocity import VelocityReading, velocity
 from graphnav.common.run import Odometer
-from graphnav.inertial.odometry import odometer_steps, odometer_sums
+from graphnav.inertial.odometer_steps import odometer_steps, odometer_sums
 
 OMEGA = np.array([0.0, 3e-3, 2e-3])  # rad/s
 MOUNT = np.array([0.03, -0.02, 0.05])  # pitch, roll, heading of the vehicle in the body

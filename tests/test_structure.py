@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from mutants import MUTANTS
 
 ROOT = Path(__file__).resolve().parents[1]
 LINES, FUNCTION = 300, 60
@@ -71,3 +72,15 @@ def test_the_drawn_rooms_are_there_and_arrows_join_rooms_that_may_import() -> No
         begin, end = at(*points[0]), at(*points[-1])
         by_file = (begin, end) == ("simulation", "reading")  # which must not import each other
         assert by_file or layer[begin] != layer[end], (begin, end)
+
+
+def test_every_mutant_changes_one_line_that_is_there() -> None:
+    """Or `tools/mutants.py` stops halfway, some day after the line was rewritten."""
+    for mutant in MUTANTS:
+        text = (ROOT / mutant.file).read_text(encoding="utf-8")
+        assert text.count(mutant.line) == 1, (mutant.name, mutant.line)
+        assert mutant.line != mutant.wrong, mutant.name
+        for name in mutant.tests.split():
+            assert (ROOT / "tests" / f"test_{name}.py").exists(), (mutant.name, name)
+    names = [mutant.name for mutant in MUTANTS]
+    assert len(set(names)) == len(names)

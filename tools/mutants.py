@@ -43,24 +43,43 @@ MUTANTS = [
         "motion_truth running_gear factors",
         (
             "gauge sign",
-            "D = gain[:, None] * travel - reading",
-            "D = gain[:, None] * travel + reading",
+            "D = gain.value[:, None] * travel - model",
+            "D = gain.value[:, None] * travel + model",
         ),
         ("cornering sign in D", "sideways = sideways - c", "sideways = sideways + c"),
         ("lateral sign in D", "D = D - so3.mv(sideways, ex)", "D = D + so3.mv(sideways, ex)"),
         ("delay sign in D", "late = c[:, delay] - sums.delay", "late = sums.delay - c[:, delay]"),
-        ("scale sign", "reading.forward.value(c), 1 + c[", "reading.forward.value(c), 1 - c["),
         ("lever sign", "moved + arm - lever - D.total", "moved - arm + lever - D.total"),
         ("phase sign", "r[:, 1] += x.phase", "r[:, 1] -= x.phase"),
         ("phase prior", "pulse / np.sqrt(12), 1e-5", "pulse / 12, 1e-5"),
+    ),
+    *_of(
+        "factors/odometer_model.py",
+        "motion_truth factors",
+        ("scale sign", "self.forward.value(c), 1 + c[", "self.forward.value(c), 1 - c["),
         (
             "coefficient's derivative",
             "J_c[self.on, :, self.column] +=",
             "J_c[self.on, :, self.column] -=",
         ),
+        (
+            "odometer's units by the scale",
+            "+= by_gain / gain.scale[:, None]",
+            "+= by_gain / gain.value[:, None]",
+        ),
+        ("sign of the odometer's units", "by_gain, J_c = -r", "by_gain, J_c = r"),
     ),
     *_of(
-        "graphnav/inertial/odometry.py",
+        "factors/mounting.py",
+        "factors motion_truth",
+        (
+            "pitch and heading exchanged",
+            "right_jacobian(vector)[:, :, [0, 2]]",
+            "right_jacobian(vector)[:, :, [2, 0]]",
+        ),
+    ),
+    *_of(
+        "graphnav/inertial/odometer_steps.py",
         "motion_truth",
         ("tyre slip bend sign", "bend=total(steps.distance", "bend=total(-steps.distance"),
         ("Earth rate sign in the displacement", "* sensed - earth_b", "* sensed + earth_b"),
@@ -74,7 +93,12 @@ MUTANTS = [
     *_of(
         "factors/velocity.py",
         "motion_truth factors",
-        ("lateral sign of velocity", "lateral = -reading.lateral", "lateral = reading.lateral"),
+        ("lateral sign of velocity", "lateral = -model.lateral", "lateral = model.lateral"),
+        (
+            "delay sign of the velocity's change",
+            "speed + (c[:, delay] - reading.delay)",
+            "speed - (c[:, delay] - reading.delay)",
+        ),
         ("lever sign of velocity", "v_b + so3.cross(rate_b", "v_b - so3.cross(rate_b"),
     ),
     *_of(

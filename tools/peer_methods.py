@@ -17,7 +17,7 @@ from graphnav.common.angles import angles_of_rotation
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array, Run
 from graphnav.graph.preparation import Prepared
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometer_steps import speed_at
 
 FRD = np.array([[0, 1, 0], [1, 0, 0], [0, 0, -1.0]])  # of right-forward-up; its own inverse
 VELOCITY_SD, FIX_DOUBT = 0.3, 3.0  # m/s, times the sigma stated: what suits pyins

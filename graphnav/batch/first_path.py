@@ -18,7 +18,7 @@ from graphnav.graph.motion import sums_of
 from graphnav.graph.nodes import Nodes
 from graphnav.graph.preparation import Prepared
 from graphnav.inertial import reckoning
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometer_steps import speed_at
 from graphnav.inertial.pace import pace
 
 BESIDE = 5  # fixes of which the median draws: two wild ones in a row do not

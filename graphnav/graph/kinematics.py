@@ -9,7 +9,7 @@ from factors.preintegration import corrected
 from graphnav.graph.densify import Path
 from graphnav.graph.nodes import Nodes
 from graphnav.graph.preparation import Prepared
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometer_steps import speed_at
 from graphnav.recognition.motion_states import Kinematics
 
 RATE_HZ = 10.0

@@ -19,7 +19,7 @@ from graphnav.graph.nodes import Nodes
 from graphnav.graph.noise import Parts, States
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.round import Factor, Round, with_noise
-from graphnav.inertial.odometry import RATE_S, heard, odometer_steps, odometer_sums, speed_at
+from graphnav.inertial.odometer_steps import RATE_S, heard, odometer_steps, odometer_sums, speed_at
 from graphnav.inertial.standstill_evidence import Mask
 
 SPARSE_S = 0.6  # an odometer slower than this gives velocities, not displacements

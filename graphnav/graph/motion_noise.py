@@ -17,7 +17,7 @@ from graphnav.common.run import Array
 from graphnav.graph.noise import Parts, States, parts
 from graphnav.graph.preparation import Setup
 from graphnav.graph.round import Round
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometer_steps import speed_at
 from graphnav.inertial.standstill_evidence import Mask
 
 # What the noise begins with: found anew in the residuals (`noise.py`), so orders of magnitude only,

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from graphnav.common.run import Array, Imu, Odometer
 from graphnav.inertial.gaps import Mask
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometer_steps import speed_at
 
 SLOT_S = 2.0  # over which turns and gravity are averaged
 FEWEST = 16  # slots

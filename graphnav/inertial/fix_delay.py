@@ -13,7 +13,7 @@ from factors.block import Index
 from factors.preintegration import Increments
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array, Gnss, Odometer
-from graphnav.inertial.odometry import distance_at
+from graphnav.inertial.odometer_steps import distance_at
 
 Way = NDArray[np.complex128]  # east + i north [m]
 

@@ -10,7 +10,7 @@ from graphnav.inertial.clock_jumps import without_jumps
 from graphnav.inertial.encoder import failures, without
 from graphnav.inertial.exchanged_axes import Exchange, exchanges, put_back
 from graphnav.inertial.gaps import Mask, bridged
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometer_steps import speed_at
 from graphnav.inertial.sample_clock import SampleClock, sample_clock
 from graphnav.inertial.screening import NAMES, Screened, screened
 

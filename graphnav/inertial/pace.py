@@ -5,7 +5,7 @@ import numpy as np
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array, Gnss, Run
 from graphnav.inertial.angle_line import Complex
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometer_steps import speed_at
 
 HALF_S = 0.25  # half the baseline over which the odometer is differenced
 CLEAR = 3.0  # m a fix's span must have by metre of its sigma

@@ -14,7 +14,7 @@ import numpy as np
 from factors.preintegration import Increments
 from graphnav.common.run import Array, Gnss, Odometer, Run
 from graphnav.inertial.carried_standstill import carried_in, moved_along, moving_standstills
-from graphnav.inertial.odometry import speed_at
+from graphnav.inertial.odometer_steps import speed_at
 from graphnav.inertial.standstill_evidence import (
     REACH_S,
     SHORTEST_S,

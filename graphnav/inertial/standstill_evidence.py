@@ -9,7 +9,7 @@ from scipy.ndimage import uniform_filter1d
 
 from factors.preintegration import Increments
 from graphnav.common.run import Array, Odometer, SideSpeeds
-from graphnav.inertial.odometry import heard
+from graphnav.inertial.odometer_steps import heard
 
 Mask = NDArray[np.bool_]
 

@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from graphnav.common.errors import InputError
 from graphnav.reading.cell_words import numbers_of
-from graphnav.reading.clock import times_of
 from graphnav.reading.dialect import MOST_DAMAGED
+from graphnav.reading.stamps import times_of
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]

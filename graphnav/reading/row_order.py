@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from graphnav.common.errors import InputError
-from graphnav.reading.clock import unrolled
 from graphnav.reading.dialect import MOST_DAMAGED
+from graphnav.reading.stamps import unrolled
 from graphnav.reading.table_file import TableFile
 
 Array = NDArray[np.float64]

@@ -1,4 +1,4 @@
-"""The clock of a table: times written as text, and counters of seconds that begin anew."""
+"""Stamps as they are read: times written as text, and counters of seconds that begin anew."""
 
 import numpy as np
 import pyarrow as pa

@@ -1,4 +1,4 @@
-"""The odometer on the increments' grid, and its sums between nodes."""
+"""The odometer on the grid of the inertial increments: its steps, and their sums between nodes."""
 
 from dataclasses import dataclass
 
