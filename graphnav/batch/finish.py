@@ -1,6 +1,7 @@
 """A smoothed run told in full: dense path, corrected odometer, calibrations, verdicts."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -50,15 +51,7 @@ def finish(smoothed: Smoothed, recorded: Run, rate_hz: float = 1 / GRID_S) -> So
         odometry=_odometry(smoothed, R_bm),
         fixes_n=fixes_in(origin, recorded.gnss),
         standstills=prep.sensed.standstill.standstills,
-        solver={
-            "iterations": smoothed.iterations,
-            "rounds": smoothed.rounds,
-            "cost": smoothed.solution.cost,
-            "nodes": len(problem.nodes.time),
-            "heading_source": prep.setup.alignment.source,
-            "imu_noise": inertial_noise.as_summary(problem.noise[kinds.INERTIAL]),
-            "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
-        },
+        solver=_solver(smoothed),
         verdicts=verdicts(found),
         remarks=(
             *prep.setup.alignment.remarks,
@@ -68,6 +61,20 @@ def finish(smoothed: Smoothed, recorded: Run, rate_hz: float = 1 / GRID_S) -> So
         moved=prep.sensed.standstill.moved,
         gaps=_gaps(smoothed),
     )
+
+
+def _solver(smoothed: Smoothed) -> dict[str, Any]:
+    """What the summary tells of the way to the solution."""
+    problem = smoothed.problem
+    return {
+        "iterations": smoothed.iterations,
+        "rounds": smoothed.rounds,
+        "cost": smoothed.solution.cost,
+        "nodes": len(problem.nodes.time),
+        "heading_source": smoothed.prep.setup.alignment.source,
+        "imu_noise": inertial_noise.as_summary(problem.noise[kinds.INERTIAL]),
+        "noise_found": {k: round(v, 4) for k, v in sorted(smoothed.scales.items())},
+    }
 
 
 def _sample_by_sample(smoothed: Smoothed) -> Path:

@@ -69,43 +69,32 @@ def smooth_batch(
     first = first_path(prep, nodes)
     estimate, path, reckoned = first.estimate, first.path, first.reckoned
     progress("motion states")
-    timeline = _recognised(prep, path, estimate, None)
+    states = _States.of(prep, _recognised(prep, path, estimate, None))
     scales: dict[str, float] = {}
-    same, last, iterations = False, False, 0
-    doubted = _has_gears(prep) and prep.setup.params.has_low_gear
-    contest: Contest | None = None if doubted else Contest(timeline, False, ())
+    last, iterations = False, 0
     before: Iterate | None = None
     for round_ in range(1, most + 1):
         last = last or round_ == most
         interval = max(FIRST_INTERVAL_S if round_ == 1 else 0.0, prep.setup.interval)
-        nodes_next = _nodes(prep, timeline.boundaries, interval)
+        nodes_next = _nodes(prep, states.timeline.boundaries, interval)
         estimate = _moved(estimate, nodes, path, nodes_next)
         progress(f"round {round_}")
-        problem = build(prep, nodes_next, timeline, estimate, scales)
+        problem = build(prep, nodes_next, states.timeline, estimate, scales)
         now = _iterate(prep, problem, estimate, robust[round_ > 1], FINE if last else ROUGH)
         iterations += now.solution.iterations
         nodes, estimate, path = nodes_next, now.solution.estimate, now.path
         if last:
             break
-        if not same:
-            again = _recognised(prep, path, estimate, nodes)
-            same = disagreement(timeline, again) < SAME_TIMELINE
-            timeline = again
         settled = before is not None and now.settled(before)
-        ripe = (same and settled) or round_ >= CONTEST_ROUND
-        if ripe and (contest is None or contest.changed):
-            attempt = _attempts(prep, now, nodes, timeline, robust[1])
-            motion = kinematics(prep, path, estimate, None)
-            contest = contested(timeline, motion, prep.setup.params, scales, attempt, robust[1])
-            timeline, same, settled = contest.timeline, True, settled and not contest.changed
-        last = round_ + 1 >= MIN_ROUNDS and same and settled
+        states = states.recognised(prep, now, nodes)
+        if states.open and ((states.same and settled) or round_ >= CONTEST_ROUND):
+            states = states.contested(prep, now, nodes, scales, robust[1])
+        last = round_ + 1 >= MIN_ROUNDS and states.same and settled and not states.open
         before = now
         scales = _rescaled(scales, now, problem, prep)
-    unclear = contest.unclear if contest else ()
+    unclear = states.contest.unclear if states.contest else ()
     progress("state probabilities")
-    if _has_gears(prep):
-        motion = kinematics(prep, path, estimate, nodes)
-        timeline = with_probabilities(timeline, motion, prep.setup.params)
+    timeline = _with_probabilities(prep, path, estimate, nodes, states.timeline)
     return Smoothed(
         prep, problem, now.solution, timeline, widened(now.covariances, unclear), reckoned, path,
         scales, iterations, round_, unclear,
@@ -147,6 +136,45 @@ def _iterate(
     origin = prep.setup.alignment.origin
     path = densify(prep.sensed.inc, problem.pre, problem.nodes, solution.estimate, origin)
     return Iterate(solution, path, covariances(solution.bayes_net, problem.order))
+
+
+@dataclass(frozen=True)
+class _States:
+    """The motion states between two rounds."""
+
+    timeline: Timeline
+    same: bool  # the last round changed nothing of them
+    contest: Contest | None  # of their gears, once it was held
+
+    @staticmethod
+    def of(prep: Prepared, timeline: Timeline) -> "_States":
+        """Those of dead reckoning; what has one gear only is held in none other."""
+        geared = _has_gears(prep) and prep.setup.params.has_low_gear
+        return _States(timeline, False, None if geared else Contest(timeline, False, ()))
+
+    @property
+    def open(self) -> bool:
+        """Whether their gears are still to be doubted, for the first time or anew."""
+        return self.contest is None or self.contest.changed
+
+    def recognised(self, prep: Prepared, now: Iterate, nodes: Nodes) -> "_States":
+        """Those of the path where a round ended; what is the same already stays."""
+        if self.same:
+            return self
+        again = _recognised(prep, now.path, now.solution.estimate, nodes)
+        return replace(
+            self, timeline=again, same=disagreement(self.timeline, again) < SAME_TIMELINE
+        )
+
+    def contested(
+        self, prep: Prepared, now: Iterate, nodes: Nodes, scales: Scales, weights: Weights
+    ) -> "_States":
+        """With the gears that the factors speak for."""
+        attempt = _attempts(prep, now, nodes, self.timeline, weights)
+        motion = kinematics(prep, now.path, now.solution.estimate, None)
+        params = prep.setup.params
+        contest = contested(self.timeline, motion, params, scales, attempt, weights)
+        return _States(contest.timeline, True, contest)
 
 
 def _attempts(
@@ -214,6 +242,15 @@ def _moved(estimate: Estimate, old: Nodes, path: Path, new: Nodes) -> Estimate:
 def _has_gears(prep: Prepared) -> bool:
     """Whether there are more motion states to tell than stop and moving."""
     return prep.setup.vehicle.kind == "tracked" and prep.sensed.run.odometer is not None
+
+
+def _with_probabilities(
+    prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes, timeline: Timeline
+) -> Timeline:
+    """The timeline with the probability of each state, where there is more than one to tell."""
+    if not _has_gears(prep):
+        return timeline
+    return with_probabilities(timeline, kinematics(prep, path, estimate, nodes), prep.setup.params)
 
 
 def _recognised(prep: Prepared, path: Path, estimate: Estimate, nodes: Nodes | None) -> Timeline:

@@ -138,18 +138,27 @@ def stacked(
             doubt[row] = len(doubted)
         if block.inflation is not None:
             inflation[row] = block.inflation[on]
-        for term in block.terms:
-            if term.family == "c":
-                assert np.array_equal(term.index[on], segment[owner]), (
-                    f"{block.kind}: a calibration segment that is not in force in its interval"
-                )
-                A[row, CALIBRATION] = term.jacobian[on]
-            else:
-                which = term.index[on] - owner
-                assert np.isin(which, (0, 1)).all(), f"{block.kind}: nodes that are not neighbours"
-                column = which * NODE_DIM
-                A[row[:, :, None], column[:, None, None] + np.arange(NODE_DIM)] = term.jacobian[on]
+        _place(A, row, block, on, owner, segment)
     return IntervalRows(A, b, start, doubt, inflation, tuple(doubted))
+
+
+def _place(
+    A: Array, row: Index, block: Block, on: slice | Index, owner: Index, segment: Index
+) -> None:
+    """Write the Jacobians of factors `on` of a block into their rows (m, r) of `A`; `owner` (m,),
+    the intervals they stand in, `segment` (W,) as in `stacked`.
+    """
+    for term in block.terms:
+        if term.family == "c":
+            assert np.array_equal(term.index[on], segment[owner]), (
+                f"{block.kind}: a calibration segment that is not in force in its interval"
+            )
+            A[row, CALIBRATION] = term.jacobian[on]
+        else:
+            which = term.index[on] - owner
+            assert np.isin(which, (0, 1)).all(), f"{block.kind}: nodes that are not neighbours"
+            column = which * NODE_DIM
+            A[row[:, :, None], column[:, None, None] + np.arange(NODE_DIM)] = term.jacobian[on]
 
 
 @cache

@@ -57,32 +57,12 @@ def layout(
     its prior widens it, and so does a `weight`, the force at rest over gravity, that of the
     accelerometers' scale.
     """
-    odometer = vehicle.odometer
-    mount_sd = np.deg2rad(odometer.mount_sd_deg)
     components = [
         *bias_components(vehicle, gyro_bias),
         *scale_components(vehicle, weight),
-        Component(
-            SCALE, np.zeros(1), _one(odometer.scale_sd), _wander(odometer.scale_wander, HOUR_S)
-        ),
-        Component(MOUNTING, odometer.mount_b[[0, 2]], np.full(2, mount_sd)),
-        Component(LEVER, odometer.lever_b, np.full(3, odometer.lever_arm_sd)),
+        *odometer_components(vehicle),
+        *ground_components(vehicle, table),
     ]
-    if odometer.time_offset_sd_s > 0:
-        components.append(
-            Component(DELAY, _one(odometer.time_offset_s), _one(odometer.time_offset_sd_s))
-        )
-    if vehicle.kind == "wheeled":
-        components.append(Component(CORNERING, np.zeros(1), _one(CORNERING_SD)))
-    for state, row in table.items():
-        # straight ahead in high gear the factor and the scale are one number
-        if row.use_odometer and row.factor_sd > 0 and state not in REFERENCE:
-            components.append(Component(forward_of(state), _one(row.factor), _one(row.factor_sd)))
-    length = vehicle.body.contact_length
-    for state, row in table.items():
-        if row.kappa_sd > 0:
-            prior, sd = row.kappa * length, row.kappa_sd * length
-            components.append(Component(lateral_of(state), _one(prior), _one(sd)))
     if two_sided:
         gauge = vehicle.body.track_gauge
         width = Component(TRACK_WIDTH, _one(WIDTH_RATIO * gauge), _one(WIDTH_RATIO_SD * gauge))
@@ -120,6 +100,37 @@ def scale_components(vehicle: Vehicle, weight: float = 1.0) -> list[Component]:
         accel = max(accel, off) if accel > 0 else 0.0
     sds = {GYRO_SCALE: gyro, ACCEL_SCALE: accel}
     return [Component(k, np.zeros(3), np.full(3, sd)) for k, sd in sds.items() if sd > 0]
+
+
+def odometer_components(vehicle: Vehicle) -> list[Component]:
+    """The odometer's scale, which drifts, its mounting, lever arm and delay."""
+    spec = vehicle.odometer
+    drift = _wander(spec.scale_wander, HOUR_S)
+    found = [
+        Component(SCALE, np.zeros(1), _one(spec.scale_sd), drift),
+        Component(MOUNTING, spec.mount_b[[0, 2]], np.full(2, np.deg2rad(spec.mount_sd_deg))),
+        Component(LEVER, spec.lever_b, np.full(3, spec.lever_arm_sd)),
+    ]
+    if spec.time_offset_sd_s > 0:
+        found.append(Component(DELAY, _one(spec.time_offset_s), _one(spec.time_offset_sd_s)))
+    return found
+
+
+def ground_components(vehicle: Vehicle, table: dict[str, Correction]) -> list[Component]:
+    """What the ground does in each state of the `table`, and to tyres in a bend."""
+    found = []
+    if vehicle.kind == "wheeled":
+        found.append(Component(CORNERING, np.zeros(1), _one(CORNERING_SD)))
+    for state, row in table.items():
+        # straight ahead in high gear the factor and the scale are one number
+        if row.use_odometer and row.factor_sd > 0 and state not in REFERENCE:
+            found.append(Component(forward_of(state), _one(row.factor), _one(row.factor_sd)))
+    length = vehicle.body.contact_length
+    for state, row in table.items():
+        if row.kappa_sd > 0:
+            prior, sd = row.kappa * length, row.kappa_sd * length
+            found.append(Component(lateral_of(state), _one(prior), _one(sd)))
+    return found
 
 
 def gnss_components(vehicle: Vehicle, gnss: Gnss | None, delay: float = 0.0) -> list[Component]:

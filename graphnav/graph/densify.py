@@ -44,10 +44,35 @@ def densify(
     starts from rest and ends with the gap's velocity.
     """
     owner = interval_of_increment(nodes.edge)
+    t = (inc.edge[1:] - nodes.time[:-1][owner])[:, None]
+    R, v, p = _integrated(inc, pre, nodes, estimate, origin)
+
+    ends = nodes.edge[1:]
+    gap_R = so3.log(so3.transpose(R[ends - 1]) @ estimate.R_nb[1:])[owner]
+    gap_v = (estimate.v_n[1:] - v[ends - 1])[owner]
+    gap_p = (estimate.p_n[1:] - p[ends - 1])[owner]
+    T = pre.T[owner][:, None]
+    s = t / T
+    rise, slope = s * s * (3 - 2 * s), s * s * (s - 1)
+    rise_v, slope_v = 6 * s * (1 - s) / T, s * (3 * s - 2)
+    return Path(
+        time=inc.edge,
+        R_nb=np.concatenate([estimate.R_nb[:1], R @ so3.exp(s * gap_R)]),
+        v_n=np.concatenate([estimate.v_n[:1], v + rise_v * gap_p + slope_v * gap_v]),
+        p_n=np.concatenate([estimate.p_n[:1], p + rise * gap_p + slope * T * gap_v]),
+    )
+
+
+def _integrated(
+    inc: Increments, pre: Preintegrated, nodes: Nodes, estimate: Estimate, origin: Origin
+) -> tuple[Array, Array, Array]:
+    """Attitude, velocity and position at the end of every increment (M, ...), from the node before
+    it (the equations of `factors.inertial`).
+    """
+    owner = interval_of_increment(nodes.edge)
     _, _, V, P = inside_intervals(inc, pre, nodes.edge)
     C = pre.C[1:].copy()  # at the end of each increment
-    ends = nodes.edge[1:]
-    C[ends - 1] = pre.dR
+    C[nodes.edge[1:] - 1] = pre.dR
 
     t = (inc.edge[1:] - nodes.time[:-1][owner])[:, None]
     R_i, v_i, p_i = estimate.R_nb[owner], estimate.v_n[owner], estimate.p_n[owner]
@@ -62,21 +87,7 @@ def densify(
         - so3.cross(Omega, s_n) * t / 3
         - so3.cross(Omega, v_i * t * t + (v - v_i) * t * t / 3)
     )
-    R = so3.exp(-Omega * t) @ R_i @ C
-
-    gap_R = so3.log(so3.transpose(R[ends - 1]) @ estimate.R_nb[1:])[owner]
-    gap_v = (estimate.v_n[1:] - v[ends - 1])[owner]
-    gap_p = (estimate.p_n[1:] - p[ends - 1])[owner]
-    T = pre.T[owner][:, None]
-    s = t / T
-    rise, slope = s * s * (3 - 2 * s), s * s * (s - 1)
-    rise_v, slope_v = 6 * s * (1 - s) / T, s * (3 * s - 2)
-    return Path(
-        time=inc.edge,
-        R_nb=np.concatenate([estimate.R_nb[:1], R @ so3.exp(s * gap_R)]),
-        v_n=np.concatenate([estimate.v_n[:1], v + rise_v * gap_p + slope_v * gap_v]),
-        p_n=np.concatenate([estimate.p_n[:1], p + rise * gap_p + slope * T * gap_v]),
-    )
+    return so3.exp(-Omega * t) @ R_i @ C, v, p
 
 
 def inside_intervals(

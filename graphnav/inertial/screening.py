@@ -111,24 +111,33 @@ def _spikes(x: Array, step: float, later: int) -> Mask:
         before = y[first[:, None] + pad + np.arange(-CONTEXT, 0)]
         inside = y[first[:, None] + pad + np.arange(length)]
         after = y[first[:, None] + pad + length + np.arange(later)]
-        a, b = before[:, -2:].mean(axis=1), after[:, :2].mean(axis=1)
-        share = ((np.arange(length) + 1) / (length + 1))[:, None]
-        away = np.abs(inside - a[:, None] - (b - a)[:, None] * share).min(axis=1)
-        sides = np.abs([inside[:, 0] - before[:, -1], inside[:, -1] - after[:, 0]]).min(axis=0)
-        rough = [_largest(part, 2) + quantum for part in (before, after)]
-        usual = [_scatter(part) + quantum for part in (before, after)]
-        level = [_largest(part, 1) + quantum for part in (before, after)]
-        same = np.maximum(usual[0] / usual[1], usual[1] / usual[0]) < ALIKE
-        same &= np.abs(b - a) < (RETURNS + length) * np.maximum(*level)
-        spiked = away > STANDS_OUT * np.maximum(*rough)
-        spiked &= (away > RETURNS * np.abs(b - a)) & (sides > RETURNS * np.maximum(*level))
-        spiked &= same.all(axis=1)[:, None]
+        spiked, sides = _stand_out(before, inside, after, quantum)
         # with nothing after it, or before, no return is seen: only what the run never comes near
         ends = (first < RETURNED) | (first + length > len(x) - RETURNED)
         spiked &= ~ends[:, None] | (sides > RETURNS * span)
         for k in range(length):
             out[first + k] |= spiked
     return out
+
+
+def _stand_out(before: Array, inside: Array, after: Array, quantum: Array) -> tuple[Mask, Array]:
+    """Which candidates (n, 6) leave the level of what comes before and after them (n, ., 6), where
+    that is one; and by how much their sides step (n, 6). `quantum` (6,): the channels' resolution.
+    """
+    length = inside.shape[1]
+    a, b = before[:, -2:].mean(axis=1), after[:, :2].mean(axis=1)
+    share = ((np.arange(length) + 1) / (length + 1))[:, None]
+    away = np.abs(inside - a[:, None] - (b - a)[:, None] * share).min(axis=1)
+    sides = np.abs([inside[:, 0] - before[:, -1], inside[:, -1] - after[:, 0]]).min(axis=0)
+    rough = [_largest(part, 2) + quantum for part in (before, after)]
+    usual = [_scatter(part) + quantum for part in (before, after)]
+    level = [_largest(part, 1) + quantum for part in (before, after)]
+    same = np.maximum(usual[0] / usual[1], usual[1] / usual[0]) < ALIKE
+    same &= np.abs(b - a) < (RETURNS + length) * np.maximum(*level)
+    spiked = away > STANDS_OUT * np.maximum(*rough)
+    spiked &= (away > RETURNS * np.abs(b - a)) & (sides > RETURNS * np.maximum(*level))
+    spiked &= np.asarray(same.all(axis=1))[:, None]
+    return spiked, sides
 
 
 def _largest(x: Array, order: int) -> Array:

@@ -150,19 +150,12 @@ def cut_at_half_turn(timeline: Timeline, kinematics: Kinematics) -> Timeline:
 
 def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
     """Smooth the kinematics over 0.3 s and take every STEP; forward made positive."""
-    gaps = np.diff(kinematics.time)
-    if len(gaps) < 20 or np.ptp(gaps) > 0.1 * gaps.mean():
-        raise SolutionError("motion states: need at least 2 s of kinematics on a uniform grid")
-    dt = float(gaps.mean())
+    dt = _grid(kinematics.time)
     every = max(1, round(STEP / dt))
     taken = np.arange(every // 2, len(kinematics.time), every)
 
     def averaged(values: Array, seconds: float = 0.3) -> Array:
-        size = max(1, round(seconds / dt))
-        valid = np.isfinite(values)
-        share = uniform_filter1d(valid.astype(np.float64), size, mode="nearest")
-        total = uniform_filter1d(np.where(valid, values, 0.0), size, mode="nearest")
-        return np.where(valid, total / np.where(valid, share, 1.0), np.nan)
+        return _averaged(values, max(1, round(seconds / dt)))
 
     v_o, yaw = averaged(kinematics.v_o), averaged(kinematics.yaw_rate)
     way = np.where(np.nan_to_num(v_o) < 0, -1.0, 1.0)  # reverse is driven like forward
@@ -191,6 +184,22 @@ def _moments(kinematics: Kinematics) -> tuple[Array, Moments]:
         gained=(velocity[ahead] - velocity[back]) * way[taken],
         sd_change=_relative_noise(v_o, way * np.gradient(velocity), reach) * v_o[taken],
     )
+
+
+def _grid(time: Array) -> float:
+    """Step of a uniform grid, s. Raises SolutionError where it is none."""
+    gaps = np.diff(time)
+    if len(gaps) < 20 or np.ptp(gaps) > 0.1 * gaps.mean():
+        raise SolutionError("motion states: need at least 2 s of kinematics on a uniform grid")
+    return float(gaps.mean())
+
+
+def _averaged(values: Array, size: int) -> Array:
+    """Means of `size` samples about each that is a number, of those that are."""
+    valid = np.isfinite(values)
+    share = uniform_filter1d(valid.astype(np.float64), size, mode="nearest")
+    total = uniform_filter1d(np.where(valid, values, 0.0), size, mode="nearest")
+    return np.where(valid, total / np.where(valid, share, 1.0), np.nan)
 
 
 def _relative_noise(v_o: Array, gaining: Array, reach: int) -> float:
