@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +17,13 @@ import pytest
 from graphnav.common import replacing
 from graphnav.common.errors import InputError
 from graphnav.common.progress import Stages
+from graphnav.result.result_directory import load
 from graphnav.result.writing import (
     MARKER,
     adopt,
     check_replaceable,
     default_out,
+    keep_in_result,
     kept_aside,
     restore,
     whole_directory,
@@ -189,6 +192,59 @@ def _die_before_rename(at: int, swaps: bool) -> None:
     exchange = replacing.exchange if swaps else lambda *_: False
     replacing.exchange = dying(exchange) if swaps else exchange
     os.rename, os.replace = dying(os.rename), dying(os.replace)
+
+
+@pytest.mark.parametrize("error", [KeyboardInterrupt, SystemExit])
+def test_ctrl_c_between_exchange_and_tidying_costs_no_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: type[BaseException]
+) -> None:
+    out, put = tmp_path / "out", replacing.put
+    write(out, text="old")
+    (out / "mine.txt").write_text("keep")
+
+    def interrupted(part: Path, to: Path) -> None:
+        put(part, to)
+        raise error
+
+    monkeypatch.setattr(replacing, "put", interrupted)
+    with pytest.raises(error):
+        write(out, text="new")
+    assert (out / "summary.json").read_text() == "new"
+    assert (tmp_path / "out_kept" / "mine.txt").read_text() == "keep"
+
+
+def test_what_cannot_be_kept_is_not_removed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out = tmp_path / "out"
+    write(out, text="old")
+    (out / ".graphnav_notes").write_text("keep")
+
+    def full(*_: object, **__: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patched, pytest.raises(InputError, match="cannot be moved to"):
+        patched.setattr(replacing, "kept_beside", lambda *_: tmp_path / "m" / "kept")
+        with whole_directory(out) as part:
+            (part / "summary.json").write_text("new")
+            patched.setattr(Path, "mkdir", full)
+    assert (out / "summary.json").read_text() == "new"
+    left = next(path for path in tmp_path.iterdir() if path.name.startswith(".out.part"))
+    left.rename(tmp_path / f".out.part-{replacing.HOST}-4000000")  # as of a process that ended
+    write(out, text="next")
+    assert (tmp_path / "out_kept" / ".graphnav_notes").read_text() == "keep"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["out", "out_kept"]
+
+
+def test_whoever_reads_a_result_puts_back_what_a_kill_left(tmp_path: Path) -> None:
+    out, hidden = tmp_path / "out", tmp_path / f".out.old-{replacing.HOST}-4000000"
+    for read in (lambda: load(out), lambda: keep_in_result(out, "v.json", tmp_path / "r.csv", "")):
+        write(out)
+        out.rename(hidden)
+        with suppress(InputError):  # a summary alone is no whole result
+            read()
+        assert (out / "summary.json").exists() and not hidden.exists()
+    assert (out / "v.json").exists()
 
 
 def test_what_others_left_is_let_alone(tmp_path: Path) -> None:
