@@ -9,7 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from graphnav.reading.cell_words import PLAIN_BLANKS, numbers_of
+from graphnav.reading.cell_words import PLAIN_BLANKS, numbers_of, trimmed
 from graphnav.reading.left_out import NAMED, LeftOut
 from graphnav.reading.stamps import times_of
 
@@ -106,7 +106,7 @@ def _numbers(
 
 def _count_blanks(words: pa.Array, left_out: LeftOut) -> None:
     """Words read as blank, into the count of them."""
-    for count in pc.value_counts(pc.utf8_trim_whitespace(words)).to_pylist():
+    for count in pc.value_counts(trimmed(words)).to_pylist():
         left_out.blanks[count["values"]] += count["counts"]
 
 
