@@ -20,6 +20,7 @@ GYRO_SCALE, ACCEL_SCALE = "gyro_scale", "accel_scale"  # 1, body axes: measured 
 IMU_ERRORS = (GYRO_BIAS, ACCEL_BIAS, GYRO_SCALE, ACCEL_SCALE)  # three axes each, in this order
 SCALE, MOUNTING, LEVER = "scale", "mounting", "lever"  # odometer: 1; pitch, heading; m, body
 DELAY, CORNERING, TRACK_WIDTH = "delay", "cornering", "track_width"  # s; s; m
+SLOPE_DRIFT = "slope_drift"  # 1: slip angle per sine of the side slope
 ANTENNA, GNSS_OFFSET, GNSS_DELAY = "antenna", "gnss_offset", "gnss_delay"  # m, body; m, n; s
 SLIP_COEFFICIENT, SIDE_SLIP, YAW_SLIP, TOE = "slip_coefficient", "side_slip", "yaw_slip", "toe"
 

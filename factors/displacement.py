@@ -7,7 +7,8 @@ vehicle point moves, in the body frame of node i,
       - (kappa L [sum C_k dpsi_k] - tau [sum C_k d_k psi_dot_k]) R_bm e_x
 
 (forward: A20, A23; lateral: A17 for tracks, and for tyres the slip angle they need to hold a
-bend, `v_x = tau v_y psi_dot` outwards). The residual is
+bend, `v_x = tau v_y psi_dot` outwards; both drift down a side slope, `factors.side_slope`). The
+residual is
 
     r = R_i^T (p_j - p_i) + (R_i^T R_j - I) l - D,
 
@@ -18,7 +19,7 @@ node, the same error for the interval before and the one after: q is a state of 
 quantisation is bounded and anticorrelated as it is in truth.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -49,6 +50,7 @@ from factors.calibration import (
 from factors.estimate import Estimate
 from factors.mounting import E_X, E_Y, Mounting, mounting
 from factors.odometer_model import AXES, Gain, OdometerModel
+from factors.side_slope import Attitude, slide_downhill
 
 
 @dataclass(frozen=True)
@@ -102,6 +104,9 @@ def displacement(reading: DisplacementReading, layout: Layout, scope: Scope, x: 
     J_j[:, :, ROTATION] = -to_m @ R_ij @ so3.skew(lever)
     J_j[:, :, POSITION] = to_m @ so3.transpose(R_i)
     J_i[:, :, POSITION] = -J_j[:, :, POSITION]
+    way = np.linalg.norm(reading.sums.distance[:, :, 1], axis=1)  # as counted
+    at_mid = replace(D.mount, R_bm=reading.sums.R_mid @ D.mount.R_bm)
+    slide_downhill(layout, c, way, Attitude(R_i, at_mid), (r, J_i, J_c))
     reading.model.in_odometer_units(layout, c, r, (J_i, J_j, J_c))
     r[:, 1] += x.phase[scope.node + 1] - x.phase[scope.node]
     J_i[:, 1, PHASE], J_j[:, 1, PHASE] = -1.0, 1.0

@@ -8,7 +8,7 @@ with `w` the body's rate relative to the Earth at the node, `psi_dot` its third 
 what the odometer shows at the node's time with the delay in force (A5, A17, A20, A23, A24, B3, D1).
 It is the derivative of `factors.displacement`, for odometers too sparse to be summed. Without an
 odometer the forward row is left out (its sigma infinite) and the rest is the plain non-holonomic
-constraint D1.
+constraint D1. Down a side slope it drifts (`factors.side_slope`).
 """
 
 from dataclasses import dataclass
@@ -21,6 +21,7 @@ from factors.calibration import CORNERING, DELAY, LEVER, MOUNTING, SCALE, Layout
 from factors.estimate import Estimate
 from factors.mounting import E_X, E_Y, mounting
 from factors.odometer_model import AXES, OdometerModel
+from factors.side_slope import Attitude, slide_downhill
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,7 @@ class VelocityReading:
     speed: Array  # (n,) m/s, as the odometer shows it at the node's time and `delay`
     change: Array  # (n,) m/s^2, of it by the delay
     delay: float  # s, that `speed` was taken with
+    pace: Array  # (n,) m/s, of the vehicle by the estimate, for its drift on a slope
     rate_b: Array  # (n, 3) rad/s, body relative to the Earth at the node
     model: OdometerModel
     sigma: Array  # (n, 3) m/s; very large leaves a row out
@@ -56,6 +58,7 @@ def velocity(reading: VelocityReading, layout: Layout, scope: Scope, x: Estimate
         for J in (J_x[:, :, ROTATION], J_x[:, :, VELOCITY], J_c[:, :, angles], J_c[:, :, arm]):
             J[:, 0] -= slip * J[:, 1]
     r = v_m - expected
+    slide_downhill(layout, c, reading.pace, Attitude(R_nb, mount), (r, J_x, J_c))
     reading.model.in_odometer_units(layout, c, r, (J_x, J_c))
     terms = (Term("x", scope.node, J_x), Term("c", scope.segment, J_c))
     return whitened(kinds.VELOCITY, AXES, scope.time, r, reading.sigma, terms)

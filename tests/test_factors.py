@@ -23,8 +23,8 @@ from factors.velocity import VelocityReading, velocity
 
 SIZES = {
     "gyro_bias": 3, "accel_bias": 3, "gyro_scale": 3, "accel_scale": 3, "scale": 1,
-    "mounting": 2, "lever": 3, "delay": 1,
-    "forward:low": 1, "lateral:low": 1, "cornering": 1, "track_width": 1, "antenna": 3,
+    "mounting": 2, "lever": 3, "delay": 1, "forward:low": 1, "lateral:low": 1,
+    "cornering": 1, "slope_drift": 1, "track_width": 1, "antenna": 3,
     "gnss_offset": 3, "gnss_delay": 1,
 }  # fmt: skip
 LAYOUT = Layout(tuple(Component(name, np.zeros(d), np.ones(d)) for name, d in SIZES.items()))
@@ -201,6 +201,7 @@ def test_velocity_jacobian(seed: int) -> None:
         speed=5 * rng.normal(size=3),
         change=rng.normal(size=3),
         delay=0.02,
+        pace=5 + rng.normal(size=3),
         rate_b=rng.normal(size=(3, 3)),
         model=random_reading(rng).model,
         sigma=np.full((3, 3), 0.1),

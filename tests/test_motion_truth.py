@@ -180,6 +180,7 @@ def test_velocity_of_the_vehicle_point(
         speed=at,
         change=(late - early) / (2 * half),
         delay=DELAY - off,
+        pace=d.v_m[ends, 1],
         rate_b=d.rate_b[ends],
         model=model_of(n, gauge),
         sigma=np.ones((n, 3)),

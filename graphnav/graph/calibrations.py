@@ -15,6 +15,7 @@ from factors.calibration import (
     LEVER,
     MOUNTING,
     SCALE,
+    SLOPE_DRIFT,
     TRACK_WIDTH,
     Component,
     Layout,
@@ -34,6 +35,7 @@ PPM = 1e-6
 SURPRISING = 3.0  # sigma of its prior, beyond which a bias found overrules it
 INSTABILITY_S, HOUR_S = 900.0, 3600.0  # s in which biases, and the odometer's scale, wander
 CORNERING_SD = 0.01  # s; a car's tyres slip some 0.5 deg at 1 m/s^2 and 10 m/s
+SLOPE_DRIFT_SD = 0.1  # 1 deg of slip per 10 deg of slope: tyres 0.6 to 1.5, tracks on soil up to 2
 REFERENCE = ("straight_high", "moving")
 WIDTH_RATIO, WIDTH_RATIO_SD = 1.5, 0.6  # effective over geometric track width of a skidding vehicle
 SEARCHED_SD_S = 0.3  # of a delay sought before the solve
@@ -117,8 +119,8 @@ def odometer_components(vehicle: Vehicle) -> list[Component]:
 
 
 def ground_components(vehicle: Vehicle, table: dict[str, Correction]) -> list[Component]:
-    """What the ground does in each state of the `table`, and to tyres in a bend."""
-    found = []
+    """What the ground does in each state of the `table`, on side slopes and to tyres in a bend."""
+    found = [Component(SLOPE_DRIFT, np.zeros(1), _one(SLOPE_DRIFT_SD))]
     if vehicle.kind == "wheeled":
         found.append(Component(CORNERING, np.zeros(1), _one(CORNERING_SD)))
     for state, row in table.items():

@@ -136,6 +136,7 @@ def _velocities(round_: Round, moving: Index) -> tuple[Factor, Parts]:
         speed=spoken.speed,
         change=spoken.change,
         delay=delay_of(prep, round_.at),
+        pace=np.linalg.norm(round_.at.v_n[scope.node], axis=1),
         rate_b=rate_b,
         model=_odometer_model(prep, names),
         sigma=noise.sigma,

@@ -13,7 +13,6 @@ from factors import so3
 from graphnav.common.angles import rotation_of_angles
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
-from graphnav.result.writing import restore
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -174,12 +173,11 @@ def errors_against_truth(results: Results) -> "DataFrame | None":
 
 
 def load(directory: Path) -> Results:
-    """Read a result directory; one that a killed run left under another name is put back first.
+    """Read a result directory.
 
     Raises InputError when the directory, or one of the four files every result has, is missing or
     is not what graphnav writes.
     """
-    restore(directory)
     if not directory.is_dir():
         raise InputError(
             f"{directory}: no such directory; give the directory `graphnav smooth` wrote"
