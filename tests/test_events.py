@@ -62,5 +62,5 @@ def test_axes_are_told_in_order_of_time() -> None:
     for row, start in ((0, 60), (2, 20)):
         weight[start : start + 3, row] = 0
         slip[start : start + 3, row] = 1.0
-    told = events(END, weight, slip, DURATION, NO_STANDSTILL.ravel())
-    assert [e.kind for e in told] == ["hop", "side_slip"]
+    found = events(END, weight, slip, DURATION, NO_STANDSTILL.ravel())
+    assert [e.kind for e in found] == ["hop", "side_slip"]

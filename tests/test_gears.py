@@ -50,9 +50,9 @@ def test_long_straights_are_tried_alone() -> None:
 def test_a_splice_takes_the_other_timeline_inside_its_span() -> None:
     low = replace(DRIVEN, state=np.char.replace(DRIVEN.state, "high", "low"))
     found = spliced(DRIVEN, low, np.array([[60.0, 150.0]]))
-    told = found.state_at(np.array([50.0, 65.0, 85.0, 149.0, 151.0, 220.0]))
+    states = found.state_at(np.array([50.0, 65.0, 85.0, 149.0, 151.0, 220.0]))
     gear = ["high", "low", "", "low", "high", ""]
-    assert [str(state).partition("_")[2] for state in told] == gear
+    assert [str(state).partition("_")[2] for state in states] == gear
 
 
 def at(shift: float) -> Estimate:
@@ -86,5 +86,5 @@ def test_what_is_not_certain_widens_the_deviations_as_far_as_it_moves_the_path()
     found = widened(Covariances(np.zeros((3, 10, 10)), np.zeros((1, 1, 1)), {}), (one,))
     north: Array = found.nodes[:, 7, 7]
     np.testing.assert_allclose(np.sqrt(north), [0.0, 2.5, 5.0])  # p d^2
-    told = remarks((one, replace(one, probability=0.01)), 100.0)
-    assert len(told) == 1 and "from 110 to 120 s is not certain" in told[0].why
+    said = remarks((one, replace(one, probability=0.01)), 100.0)
+    assert len(said) == 1 and "from 110 to 120 s is not certain" in said[0].why

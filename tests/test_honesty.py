@@ -70,8 +70,8 @@ def test_a_restated_grade_is_all_that_is_said_of_the_imu(tmp_path: Path) -> None
     text = '[vehicle]\nkind = "wheeled"\n\n[imu]\naxes = "FLU"\ngrade = "mems"\n'
     (tmp_path / "vehicle.toml").write_text(text + "gyro_bias_deg_h = 8.0\naccel_bias_mg = 1.0\n")
     (tmp_path / "new").mkdir()
-    told = restated(tmp_path / "vehicle.toml", "fog", tmp_path / "new")
-    spec = load_vehicle(told, tmp_path / "run.csv").imu
+    described = restated(tmp_path / "vehicle.toml", "fog", tmp_path / "new")
+    spec = load_vehicle(described, tmp_path / "run.csv").imu
     assert (spec.grade, spec.axes) == ("fog", "FLU") and not spec.given("gyro_bias_deg_h")
 
 

@@ -216,5 +216,5 @@ def test_noise_of_the_odometer_speaks_for_no_gear(seed: int) -> None:
         time, v_y, unknown, v_y * (1 + 0.03 * rng.standard_normal(len(time))), none, none,
         time < 10, accel + 0.1 * rng.standard_normal(len(time)),
     )  # fmt: skip
-    told = recognise(kinematics, TRACKED).state_at(time[time > 12])
-    assert np.mean(told == "straight_high") > 0.99
+    states = recognise(kinematics, TRACKED).state_at(time[time > 12])
+    assert np.mean(states == "straight_high") > 0.99

@@ -22,8 +22,8 @@ def trial(tmp_path_factory: pytest.TempPathFactory) -> Trial:
     return Trial("slip", out / "run.csv.gz", out / "truth.csv.gz", out / "vehicle.toml")
 
 
-def numbers(told: str) -> list[float]:
-    return [float(x) for x in told.split(" / ")]
+def numbers(cell: str) -> list[float]:
+    return [float(x) for x in cell.split(" / ")]
 
 
 def test_every_method_comes_near_the_truth_of_a_clean_run(trial: Trial) -> None:

@@ -98,10 +98,10 @@ def test_states_cover_the_run_without_gap(result: Path) -> None:
 
 
 def test_calibration_has_shapes_that_fit(result: Path) -> None:
-    told = json.loads((result / "calibration.json").read_text())
+    calibrations = json.loads((result / "calibration.json").read_text())
     assert {"gyro_bias_deg_h", "accel_bias_mg", "odometer_scale", "mounting_deg", "lever_arm_m",
-            "time_offset_s", "forward_factor", "lateral_offset_m"} <= set(told)  # fmt: skip
-    for name, entry in told.items():
+            "time_offset_s", "forward_factor", "lateral_offset_m"} <= set(calibrations)  # fmt: skip
+    for name, entry in calibrations.items():
         shape = (len(entry["time"]), len(entry["components"]))
         assert np.shape(entry["value"]) == np.shape(entry["sd"]) == shape, name
         assert np.shape(entry["prior"]) == np.shape(entry["prior_sd"]) == shape[1:], name

@@ -142,8 +142,8 @@ def test_gyros_in_degrees_whose_noise_hides_the_rest_are_named(
     """No rest tells the unit of such gyros before the solution does: rejected, cause and cure."""
     short = changed(car, tmp_path, lambda t: in_degrees(t[:14000]))
     assert command("smooth", short / "run.csv", *QUICK) == 3
-    told = capsys.readouterr().err
-    assert told.count("\n") == 1 and "the gyros are in deg/s, not in rad/s" in told
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1 and "the gyros are in deg/s, not in rad/s" in message
 
 
 def in_degrees(table: pd.DataFrame) -> pd.DataFrame:

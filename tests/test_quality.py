@@ -231,12 +231,12 @@ def test_a_stated_heading_that_does_not_hold_is_doubt(solved: Solved) -> None:
 
 
 def test_the_imus_noise_is_told_where_its_residuals_show_it(solved: Solved) -> None:
-    told = solved.solver["imu_noise"]
-    assert set(told) == {"standing", "driving"}
-    assert told["driving"]["accel_mg_sqrt_hz"] == pytest.approx([0.2] * 3, rel=1.0)
+    noise = solved.solver["imu_noise"]
+    assert set(noise) == {"standing", "driving"}
+    assert noise["driving"]["accel_mg_sqrt_hz"] == pytest.approx([0.2] * 3, rel=1.0)
     assert not noise_doubts.of_inertial_noise(solved)
     sheet = solved.vehicle.imu.gyro_noise_deg_sqrt_h
-    loud = told | {"driving": told["driving"] | {"gyro_deg_sqrt_h": [sheet, sheet, 40 * sheet]}}
+    loud = noise | {"driving": noise["driving"] | {"gyro_deg_sqrt_h": [sheet, sheet, 40 * sheet]}}
     shaken = replace(solved, solver=solved.solver | {"imu_noise": loud})
     [remark] = noise_doubts.of_inertial_noise(shaken)
     assert "gyros are 40 times as noisy while driving" in remark.why and remark.level == 0

@@ -24,8 +24,8 @@ def smoothed(name: str, out: Path, *args: object) -> Path:
 
 def calibration(result: Path, name: str) -> dict[str, Any]:
     """One entry of calibration.json; values and deviations of its last time."""
-    told = json.loads((result / "calibration.json").read_text())[name]
-    return {"value": np.array(told["value"][-1]), "sd": np.array(told["sd"][-1])}
+    entry = json.loads((result / "calibration.json").read_text())[name]
+    return {"value": np.array(entry["value"][-1]), "sd": np.array(entry["sd"][-1])}
 
 
 def errors_at(result: Path, truth: Path, times: list[float]) -> list[float]:

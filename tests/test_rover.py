@@ -100,8 +100,8 @@ def test_states_and_spinning_wheels_are_told(case: Case, solved: Solved) -> None
     wheel[start : start + 100, 3] *= 1.8
     spun = replace(case.run, rover=replace(case.run.rover, wheel=wheel))  # type: ignore[type-var]
     again = solve_rover(spun, case.vehicle)
-    told = [e for e in again.wheel_events if e.kind == "wheel_spin" and e.axis == "wheel_4"]
-    assert any(abs(e.start - 0.1 * start) < 3 for e in told)
+    spins = [e for e in again.wheel_events if e.kind == "wheel_spin" and e.axis == "wheel_4"]
+    assert any(abs(e.start - 0.1 * start) < 3 for e in spins)
     assert case.errors(again)[0] < case.errors(solved)[0] + 0.5
 
 

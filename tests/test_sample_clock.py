@@ -37,8 +37,8 @@ def test_lost_samples_are_whole_steps(rate: int, stamps: str) -> None:
     number = np.arange(1, 200 * rate)
     number = number[np.random.default_rng(rate).random(len(number)) > 0.01]
     step = 1 / rate
-    told = {"exact": number * step, "late": late(number, step, 5), "burst": burst(number, step)}
-    clock = sample_clock(told[stamps])
+    stamped = {"exact": number * step, "late": late(number, step, 5), "burst": burst(number, step)}
+    clock = sample_clock(stamped[stamps])
     found = int(clock.steps.sum() - 1)
     assert clock.even
     assert abs(found - int(number[-1] - number[0])) <= 2

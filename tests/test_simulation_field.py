@@ -103,10 +103,10 @@ def test_any_rate_keeps_the_drive_and_the_other_sensors(tmp_path: Path, rate_hz:
 def test_noise_told_is_the_noise_given(tmp_path: Path) -> None:
     bare = tuple(e for e in EFFECTS if e not in ("hills", "bumps"))
     out = simulate(CAR, tmp_path / "run", 3, duration=300.0, without=bare, noise=30.0)
-    told = json.loads((out / "truth_calibration.json").read_text())["noise"]
+    noise = json.loads((out / "truth_calibration.json").read_text())["noise"]
     sheet = GRADES["mems"]
     for moving in ("standing", "driving"):
-        gyro, accel = told[moving]["gyro_deg_sqrt_h"], told[moving]["accel_mg_sqrt_hz"]
+        gyro, accel = noise[moving]["gyro_deg_sqrt_h"], noise[moving]["accel_mg_sqrt_hz"]
         np.testing.assert_allclose(gyro["0.1"], 30 * sheet.gyro_noise_deg_sqrt_h, rtol=0.1)
         np.testing.assert_allclose(accel["0.1"], 30 * sheet.accel_noise_mg_sqrt_hz, rtol=0.1)
 

@@ -136,7 +136,7 @@ def test_misuse_of_the_stream_is_told_in_one_line(wheeled_run: Path) -> None:
         (lambda: smoother.add_odometer([0.3], pulses=[1, 2]), "add_odometer: values of shape"),
         (lambda: smoother.add_odometer([0.3], speed=[1.0]), "the same all the way"),
     ]
-    for call, told in calls:
-        with pytest.raises(InputError, match=told) as error:
+    for call, message in calls:
+        with pytest.raises(InputError, match=message) as error:
             call()
         assert "\n" not in str(error.value)

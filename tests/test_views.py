@@ -16,15 +16,15 @@ def result(tmp_path: Path) -> Path:
 
 
 def test_all_views_of_a_result_are_made(result: Path) -> None:
-    told = Stages(show=False)
-    alone = told.peak_memory_mb
+    stages = Stages(show=False)
+    alone = stages.peak_memory_mb
     with Views(list(IMPORTS)) as views:
-        views.make(result, told)
-        told.done()
+        views.make(result, stages)
+        stages.done()
     for name in ("run.rrd", "report.html"):
         assert (result / name).stat().st_size > 1000
-    assert set(told.seconds) == set(IMPORTS)
-    assert told.peak_memory_mb > alone + 50 * len(IMPORTS)
+    assert set(stages.seconds) == set(IMPORTS)
+    assert stages.peak_memory_mb > alone + 50 * len(IMPORTS)
 
 
 def test_what_a_view_misses_is_told_in_one_line(tmp_path: Path) -> None:

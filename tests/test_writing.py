@@ -97,8 +97,8 @@ def test_what_is_not_graphnavs_in_a_result_is_kept_and_told(tmp_path: Path) -> N
         (out / "export").mkdir()
         (out / "export" / "notes.txt").write_text(f"mine {times}")
         (out / "summary.json").write_text("changed")
-        (told,) = kept_aside(out)
-        assert "export/notes.txt and 1 more" in told
+        (remark,) = kept_aside(out)
+        assert "export/notes.txt and 1 more" in remark
     write(out, "new")
     assert {p.name for p in out.iterdir()} == {"new", MARKER}
     for times, name in ((1, "out_kept"), (2, "out_kept_2")):

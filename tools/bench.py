@@ -86,14 +86,14 @@ def measured(name: str, cache: Path) -> Measured:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode:
             raise SystemExit(f"bench: {name} failed: {done.stderr.strip().splitlines()[-1]}")
-        told = json.loads(done.stdout.splitlines()[-1])
+        figures = json.loads(done.stdout.splitlines()[-1])
         summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
-    stages = {"importing": told["importing"]} | _merged(summary["stages"])
+    stages = {"importing": figures["importing"]} | _merged(summary["stages"])
     solver = summary["solver"]
     keep = ("updates", "median_ms", "p99_ms", "first_thousand_ms", "last_thousand_ms")
     return {
-        "seconds": round(told["seconds"], 3),
-        "unit": round(told["unit"], 5),
+        "seconds": round(figures["seconds"], 3),
+        "unit": round(figures["unit"], 5),
         "nodes": solver["nodes"],
         "peak_memory_mb": summary["peak_memory_mb"],
         "stages": {k: round(v, 3) for k, v in stages.items()},
@@ -123,8 +123,8 @@ def child(mode: str, nodes_hz: str, run: str, out: str) -> None:
     quiet = Stages(show=False)
     smooth(Path(run), Path(out), SmoothOptions(mode=mode, nodes_hz=float(nodes_hz)), quiet)
     ended = time.perf_counter()
-    told = {"importing": imported - began, "seconds": ended - began}
-    print(json.dumps(told | {"unit": 0.5 * (before + workload())}))
+    figures = {"importing": imported - began, "seconds": ended - began}
+    print(json.dumps(figures | {"unit": 0.5 * (before + workload())}))
 
 
 def workload(repeats: int = 5) -> float:

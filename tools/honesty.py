@@ -53,9 +53,9 @@ def judged(directory: Path, use_gnss: bool, mode: str, grade: str | None) -> dic
 def restated(vehicle: Path, grade: str, where: Path) -> Path:
     """The vehicle file with nothing but another grade said of the IMU, written into `where`."""
     text = re.sub(r"(?m)^(grade|gyro_|accel_)\S* *=.*\n", "", vehicle.read_text())
-    told = where / "vehicle.toml"
-    told.write_text(text.replace("[imu]\n", f'[imu]\ngrade = "{grade}"\n'))
-    return told
+    other = where / "vehicle.toml"
+    other.write_text(text.replace("[imu]\n", f'[imu]\ngrade = "{grade}"\n'))
+    return other
 
 
 def pooled(runs: list[Array]) -> dict[str, float]:

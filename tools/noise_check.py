@@ -31,9 +31,9 @@ def ratios(found: dict[str, Any], injected: dict[str, Any]) -> dict[tuple[str, s
     for moving, levels in injected.items():
         for unit, sensor in SENSORS.items():
             true = levels[unit].get(INTERVAL_S)
-            told = found.get(moving, {}).get(unit)
-            if true and told:
-                out[moving, sensor] = [float(a / b) for a, b in zip(told, true, strict=True)]
+            found_axes = found.get(moving, {}).get(unit)
+            if true and found_axes:
+                out[moving, sensor] = [float(a / b) for a, b in zip(found_axes, true, strict=True)]
     return out
 
 
@@ -61,8 +61,8 @@ def main() -> None:
                 print(f"{scenario}, seed {seed}: no IMU noise is told", file=sys.stderr)
             for (moving, sensor), by_axis in found.items():
                 factors += np.exp(np.abs(np.log(by_axis))).tolist()
-                told = (f"{x:.2f}" for x in by_axis)
-                table.add_row(f"{scenario} {seed}", moving, sensor, *told)
+                cells = (f"{x:.2f}" for x in by_axis)
+                table.add_row(f"{scenario} {seed}", moving, sensor, *cells)
     if not factors:
         sys.exit("nothing to compare")
     Console(width=120).print(table)

@@ -75,9 +75,9 @@ def recorded(scratch: Path) -> Iterator[Trial]:
     for vehicle in sorted((DATA / "field").glob("*/vehicle.toml")):
         yield trial(vehicle.parent.name, vehicle.parent, use_gnss=False)
     kitti = scratch / "kitti00"
-    told, sys.argv = sys.argv, ["kitti00.py", str(kitti)]
+    words, sys.argv = sys.argv, ["kitti00.py", str(kitti)]
     runpy.run_path(str(DATA / "field" / "kitti00.py"))
-    sys.argv = told
+    sys.argv = words
     yield trial("kitti00", kitti)
     gaps = ((60.0, 120.0), (170.0, 230.0), (280.0, 340.0), (390.0, 450.0))
     yield trial("kitti00, 4 outages of 60 s", kitti, outages=gaps)

@@ -67,16 +67,16 @@ def score(
     inside = np.zeros(len(t), bool)
     for start, end in spans:
         inside |= (t > start - AROUND_S) & (t < end + AROUND_S)
-    told = [(e.start, e.end) for e in tables.slips(solved)]
-    hit = [any(_meet(a, b) for b in spans) for a in told]
-    found = sum(any(_meet(a, b) for a in told) for b in spans)
+    found_spans = [(e.start, e.end) for e in tables.slips(solved)]
+    hit = [any(_meet(a, b) for b in spans) for a in found_spans]
+    found = sum(any(_meet(a, b) for a in found_spans) for b in spans)
     speed = np.linalg.norm(error_v, axis=1)
     return Score(
         velocity_inside=float(np.sqrt(np.mean(speed[inside] ** 2))),
         velocity_outside=float(np.sqrt(np.mean(speed[~inside] ** 2))),
         end=float(np.hypot(*error_p[-1, :2])),
         found=found,
-        false=len(told) - sum(hit),
+        false=len(found_spans) - sum(hit),
     )
 
 

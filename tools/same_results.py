@@ -122,18 +122,18 @@ def main() -> int:
     two.add_argument("a", type=Path)
     two.add_argument("b", type=Path)
     two.add_argument("--within", type=float, default=0.0)
-    told = ask.parse_args()
-    if told.what == "record":
-        record(told.out, told.data)
+    asked = ask.parse_args()
+    if asked.what == "record":
+        record(asked.out, asked.data)
         return 0
     worst = 0.0
-    for result in sorted(p for p in told.a.iterdir() if (p / "trajectory.parquet").exists()):
-        apart = differences(result, told.b / result.name)
+    for result in sorted(p for p in asked.a.iterdir() if (p / "trajectory.parquet").exists()):
+        apart = differences(result, asked.b / result.name)
         worst = max(worst, *apart.values())
         print(
             f"{result.name:24s}", "  ".join(f"{k} {v:.2g}" for k, v in apart.items() if v) or "same"
         )
-    return int(worst > told.within)
+    return int(worst > asked.within)
 
 
 if __name__ == "__main__":

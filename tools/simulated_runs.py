@@ -41,8 +41,8 @@ def run_of(options: argparse.Namespace, scenario: str, seed: int) -> Path:
     if not scenario.startswith("field-"):
         chosen["vibration"] = 1.0
     left_out = tuple(options.without) if scenario.startswith("field-") else ()
-    told = [f"{name}={value}" for name, value in chosen.items() if value]
-    words = [scenario, str(seed), *told, *(f"no-{effect}" for effect in left_out), simulator()]
+    settings = [f"{name}={value}" for name, value in chosen.items() if value]
+    words = [scenario, str(seed), *settings, *(f"no-{effect}" for effect in left_out), simulator()]
     where: Path = options.cache / "_".join(words)
     if not (where / "run.csv.gz").exists():
         simulate(scenario, where, seed, without=left_out, **chosen)
