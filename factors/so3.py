@@ -19,7 +19,7 @@ def skew(a: Array) -> Array:
 
 
 def cross(a: Array, b: Array) -> Array:
-    """Cross product over the last axis; three times as fast as `numpy.cross` on long arrays."""
+    """Cross product over the last axis; about twice as fast as `numpy.cross`."""
     ax, ay, az = a[..., 0], a[..., 1], a[..., 2]
     bx, by, bz = b[..., 0], b[..., 1], b[..., 2]
     x = ay * bz - az * by
@@ -53,7 +53,8 @@ def exp(theta: Array) -> Array:
 def log(R: Array) -> Array:
     """Rotation vector [rad] of a rotation matrix, (..., 3, 3) -> (..., 3), angle in [0, pi].
 
-    In a fifth of the time that scipy takes, which first makes sure that it is a rotation.
+    In a fifth of the time that scipy takes, which first makes sure that it is a rotation; in less
+    than half of it where scipy (1.17) is told not to.
     """
     q = quaternion(R)
     vector, w = q[..., :3], q[..., 3]

@@ -1,4 +1,8 @@
-"""Unit quaternions by the million: component-wise, ten times faster than scipy's Rotation."""
+"""Unit quaternions by the million, component-wise.
+
+300,000 are composed in 23 ms, by scipy's Rotation (1.17) in 524, and made vectors in 23 against
+321; turning vectors takes three times as long as there, and is the smaller part of a simulation.
+"""
 
 from dataclasses import dataclass
 
