@@ -2,16 +2,9 @@
 
 from graphnav.result.quality import in_one_line
 from graphnav.result.result_directory import Results
+from graphnav.views.headline import against_truth
 from graphnav.views.recording.entry import Entry, static
 from graphnav.views.recording.paths import exaggeration
-
-FIGURES = (
-    ("horizontal_rms_m", "horizontal error, RMS", "m"),
-    ("horizontal_max_m", "horizontal error, largest", "m"),
-    ("horizontal_end_m", "horizontal error at the end", "m"),
-    ("permille_of_distance", "of the distance", "‰"),
-    ("heading_rms_deg", "heading error, RMS", "deg"),
-)
 
 
 def entries(results: Results) -> list[Entry]:
@@ -33,9 +26,8 @@ def _text(results: Results) -> str:
         lines.append(f"{distance / 1000:.2f} km in {duration:.0f} s")
     lines += _bullets("Verdicts", summary.get("verdicts", []))
     lines += _bullets("Warnings", summary.get("warnings", []))
-    against = summary.get("comparison") or summary
-    figures = [(label, against[key], unit) for key, label, unit in FIGURES if _number(against, key)]
-    lines += _bullets("Against truth", [f"{label}: {v:.3g} {unit}" for label, v, unit in figures])
+    figures = [f"{label}: {value}" for label, value in against_truth(summary)]
+    lines += _bullets("Against truth", figures)
     lines += _bullets(
         "How to read it",
         [
@@ -46,10 +38,6 @@ def _text(results: Results) -> str:
         ],
     )
     return "\n".join(lines)
-
-
-def _number(table: dict[str, object], key: str) -> bool:
-    return isinstance(table.get(key), int | float)
 
 
 def _bullets(heading: str, items: list[str]) -> list[str]:

@@ -5,38 +5,22 @@ from typing import Any
 
 from graphnav.result import palette
 from graphnav.result.result_directory import Curve, Results
+from graphnav.views.headline import against_truth, is_number
 from graphnav.views.recording.curves import label, title
 from graphnav.views.report.quality import unit
 
 EVENT_ROWS = 200  # the rest is in events.csv
-
-HEADLINE = (
-    ("horizontal_rms_m", "horizontal error, RMS", "{:.2f} m"),
-    ("horizontal_max_m", "horizontal error, largest", "{:.2f} m"),
-    ("horizontal_end_m", "horizontal error at the end", "{:.2f} m"),
-    ("permille_of_distance", "of the distance", "{:.3f} ‰"),
-    ("heading_rms_deg", "heading error, RMS", "{:.4f}°"),
-)
 
 
 def headline(results: Results) -> list[tuple[str, str]]:
     """`(label, value)` of the numbers at the top."""
     summary = results.summary
     out = []
-    if _is_number(summary.get("distance_m")):
+    if is_number(summary.get("distance_m")):
         out.append(("distance", f"{summary['distance_m'] / 1000:.2f} km"))
-    if _is_number(summary.get("duration_s")):
+    if is_number(summary.get("duration_s")):
         out.append(("duration", f"{summary['duration_s']:.0f} s"))
-    against = {**summary, **(summary.get("comparison") or {})}
-    return out + [
-        (name, how.format(against[key]))
-        for key, name, how in HEADLINE
-        if _is_number(against.get(key))
-    ]
-
-
-def _is_number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
+    return out + against_truth(summary)
 
 
 def states(results: Results) -> list[dict[str, str]]:
@@ -121,7 +105,7 @@ def stages(results: Results) -> list[tuple[str, str]]:
     out = [
         (name.replace("_", " "), f"{s:.2f} s") for name, s in (summary.get("stages") or {}).items()
     ]
-    if _is_number(summary.get("peak_memory_mb")):
+    if is_number(summary.get("peak_memory_mb")):
         out.append(("peak memory", f"{summary['peak_memory_mb']:.0f} MB"))
     solver = summary.get("solver") or {}
     plain = {k: v for k, v in solver.items() if isinstance(v, str | int | float)}
