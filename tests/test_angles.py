@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from graphnav.common.angles import angles_of_rotation, rotation_of_angles
+from graphnav.common.angles import angles_of_rotation, rotation_of_angles, wrapped
 
 FORWARD, RIGHT, UP = np.array([0, 1.0, 0]), np.array([1.0, 0, 0]), np.array([0, 0, 1.0])
 
@@ -41,3 +41,9 @@ def test_angles_and_back(roll: float, pitch: float, heading: float) -> None:
 
 def test_straight_up_stays_finite() -> None:
     assert np.isfinite(angles_of_rotation(rotation(0, 90, 30))).all()
+
+
+def test_principal_values_lie_within_half_a_turn() -> None:
+    angle = np.array([-350.0, -190.0, -170.0, 0.0, 190.0, 530.0])
+    np.testing.assert_allclose(wrapped(angle, 360.0), [10.0, 170.0, -170.0, 0.0, -170.0, 170.0])
+    np.testing.assert_allclose(wrapped(np.deg2rad(angle)), np.deg2rad(wrapped(angle, 360.0)))

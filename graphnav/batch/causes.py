@@ -10,7 +10,7 @@ from graphnav.batch.finish import finish
 from graphnav.batch.hypotheses import hypotheses
 from graphnav.batch.noise_doubts import WORSE, noise_found
 from graphnav.batch.smoother import smooth_batch
-from graphnav.common.angles import angles_of_rotation
+from graphnav.common.angles import angles_of_rotation, wrapped
 from graphnav.common.errors import GraphnavError
 from graphnav.common.remark import Remark
 from graphnav.common.run import Run
@@ -102,7 +102,7 @@ def _heading_off(solved: Solved) -> float:
         return 0.0
     ahead = R @ solved.R_bm if start.heading_of == "vehicle" else R
     off = np.rad2deg(angles_of_rotation(ahead)[2]) - start.heading_deg
-    return float(abs((off + 180.0) % 360.0 - 180.0) / start.heading_sd_deg)
+    return float(abs(wrapped(off, 360.0)) / start.heading_sd_deg)
 
 
 @dataclass(frozen=True)

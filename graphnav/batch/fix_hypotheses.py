@@ -7,7 +7,7 @@ import numpy as np
 
 from graphnav.batch.doubts import distance
 from graphnav.batch.hypothesis import Hypothesis, Undone, said
-from graphnav.common.angles import angles_of_rotation
+from graphnav.common.angles import angles_of_rotation, wrapped
 from graphnav.common.run import Array, Gnss, Run
 from graphnav.inertial.alignment import ANOTHER_PLACE
 from graphnav.reading.plausibility import FAR_M, away_m
@@ -34,7 +34,7 @@ def of_start(vehicle: Vehicle) -> list[Hypothesis]:
         return run, vehicle.model_copy(update={"start": start})
 
     def off(solved: Solved) -> str:
-        wrong = (stated - _heading(solved) + 180) % 360 - 180
+        wrong = float(wrapped(stated - _heading(solved), 360.0))
         return f"the heading stated in [start] is wrong by {wrong:.0f} deg"
 
     def right(solved: Solved) -> str:

@@ -5,6 +5,13 @@ import numpy as np
 from graphnav.common.earth import Scalars
 from graphnav.common.run import Array
 
+FULL_TURN = 2 * np.pi
+
+
+def wrapped(angle: Scalars, turn: float = FULL_TURN) -> Array:
+    """Principal values of angles, at most half a `turn` (rad, or 360 for degrees) from zero."""
+    return np.asarray((angle + turn / 2) % turn - turn / 2)
+
 
 def rotation_of_angles(roll: Scalars, pitch: Scalars, heading: Scalars) -> Array:
     """`R = Rz(-heading) Rx(pitch) Ry(roll)`, (...,) rad -> (..., 3, 3), body to east-north-up."""
@@ -21,5 +28,5 @@ def angles_of_rotation(R: Array) -> tuple[Array, Array, Array]:
     """Roll (right side down positive), pitch (nose up), heading (clockwise from north), rad."""
     pitch = np.arcsin(np.clip(R[..., 2, 1], -1, 1))
     roll = np.arctan2(-R[..., 2, 0], R[..., 2, 2])
-    heading = np.arctan2(R[..., 0, 1], R[..., 1, 1]) % (2 * np.pi)
+    heading = np.arctan2(R[..., 0, 1], R[..., 1, 1]) % FULL_TURN
     return roll, pitch, heading

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from graphnav.common.angles import wrapped
+
 AGREES = 3.0  # sigma of both together
 ROUNDS = 5
 CARELESS_SD = np.deg2rad(10.0)
@@ -27,7 +29,7 @@ class Evidence:
 
     def apart(self, heading: float) -> float:
         """Signed difference from another heading [rad], at most half a turn."""
-        return float((heading - self.heading + np.pi) % (2 * np.pi) - np.pi)
+        return float(wrapped(heading - self.heading))
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,7 @@ not known. What was left out or read otherwise than it stands is told in notes.
 import numpy as np
 from numpy.typing import NDArray
 
+from graphnav.common.angles import wrapped
 from graphnav.common.earth import Origin
 from graphnav.common.run import Gnss
 from graphnav.reading.columns import GNSS, GNSS_SD
@@ -65,7 +66,7 @@ def _continuous(lon_deg: Array) -> Array:
     if np.ptp(lon_deg) < 180:
         return lon_deg
     middle = float(np.rad2deg(np.angle(np.exp(1j * np.deg2rad(lon_deg)).sum())))
-    return np.asarray((lon_deg - middle + 180) % 360 - 180 + middle)
+    return wrapped(lon_deg - middle, 360.0) + middle
 
 
 def _unreachable(time: Array, fix: Array) -> Mask:

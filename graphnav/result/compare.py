@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from graphnav.common.angles import wrapped
 from graphnav.common.earth import Origin
 from graphnav.result.truth_fit import check_fit
 
@@ -125,7 +126,7 @@ class _Pair:
             return None
         turned = np.unwrap(_column(self.trajectory, "heading_deg"), period=360.0)
         error = self.at_truth(turned) - _column(self.truth, "heading_deg")
-        return (error + 180.0) % 360.0 - 180.0
+        return wrapped(error, 360.0)
 
     def position_nees(self, error: Array) -> Array | None:
         """Squared horizontal error over its covariance (K,), 2 in the mean when honest."""

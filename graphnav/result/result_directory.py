@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from factors import so3
-from graphnav.common.angles import rotation_of_angles
+from graphnav.common.angles import rotation_of_angles, wrapped
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
 
@@ -167,7 +167,7 @@ def errors_against_truth(results: Results) -> "DataFrame | None":
     if "heading_deg" in truth:
         unwrapped = np.unwrap(columns(results.trajectory, "heading_deg")[:, 0], period=360.0)
         heading = np.interp(time, results.time, unwrapped) - columns(truth, "heading_deg")[:, 0]
-        out["heading_deg"] = (heading + 180.0) % 360.0 - 180.0
+        out["heading_deg"] = wrapped(heading, 360.0)
         out["sd_heading_deg"] = smoothed("sd_heading_deg")
     return pd.DataFrame(out)
 

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from graphnav.common.angles import wrapped
 from graphnav.common.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def _check_place(trajectory: "DataFrame", truth: "DataFrame") -> None:
     here, there = _middle(trajectory), _middle(truth)
     scale = DEGREE_M * np.array([1.0, np.cos(np.deg2rad(here[0]))])
     away = there - here
-    away[1] = (away[1] + 180.0) % 360.0 - 180.0
+    away[1] = wrapped(away[1], 360.0)
     apart = float(np.linalg.norm(scale * away))
     sizes = [np.linalg.norm(scale * np.ptp(_places(x), axis=0)) for x in (trajectory, truth)]
     if apart > FAR_M + float(sum(sizes)):

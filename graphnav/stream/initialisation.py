@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
+from graphnav.common.angles import wrapped
 from graphnav.common.errors import InputError
 from graphnav.common.run import Run
 from graphnav.graph import calibrations
@@ -80,7 +81,7 @@ class Initialisation:
             return None
         path = setup.alignment.path
         self._confirmed = path.sd < CONFIRMED_SD and len(path.time) >= CONFIRMING
-        off = abs(setup.alignment.heading - held.heading + np.pi) % (2 * np.pi) - np.pi
+        off = wrapped(setup.alignment.heading - held.heading)
         limit = max(APART, 3 * setup.alignment.heading_sd)
         return setup if abs(off) > limit else None
 
