@@ -7,7 +7,6 @@ they rolled and a the part of it ahead:
     wheel_displacement  R_i^T (p_j - p_i) + Q c_j - c_i - Exp(phi/2) (k d + b s e_x) = 0      (C2)
     wheel_yaw           phi_z - (k w + (t + y) a) = 0                                         (C4)
     tilt                phi_x, phi_y = 0, loosely
-    level               (f - e - R^T (-g_n))_x,y = 0                                          (C5)
     wheel_speed         R^T v - k u = 0
 
 with calibrations k slip coefficient, b side slip, t toe (steady steering errors), y yaw slip
@@ -34,7 +33,6 @@ from factors.block import (
     whitened,
 )
 from factors.calibration import (
-    ACCEL_BIAS,
     SIDE_SLIP,
     SLIP_COEFFICIENT,
     TOE,
@@ -127,24 +125,6 @@ def tilt(turn: Turns, sigma: Array, scope: Scope) -> Block:
     terms = (Term("x", scope.node, J_i), Term("x", scope.node + 1, J_j))
     both = np.repeat(sigma[:, None], 2, axis=1)
     return whitened(kinds.TILT, ("pitch", "roll"), scope.time, turn.phi[:, :2], both, terms)
-
-
-def level(
-    force_b: Array, g_n: Array, sigma: Array, layout: Layout, scope: Scope, x: Estimate
-) -> Block:
-    """C5, quasi-static: mean specific force (n, 3) at nodes; rows [right, forward] m/s^2.
-
-    `g_n` (3,) gravity, `sigma` (n,) m/s^2.
-    """
-    n, bias = len(scope.node), layout.slices[ACCEL_BIAS]
-    up_b = so3.mtv(x.R_nb[scope.node], -g_n)
-    J, J_c = np.zeros((n, 2, NODE_DIM)), np.zeros((n, 2, layout.dim))
-    J[:, :, ROTATION] = -so3.skew(up_b)[:, :2]
-    J_c[:, :, bias] = -np.eye(3)[:2]
-    residual = (force_b - x.calibration[scope.segment, bias] - up_b)[:, :2]
-    both = np.repeat(sigma[:, None], 2, axis=1)
-    terms = (Term("x", scope.node, J), Term("c", scope.segment, J_c))
-    return whitened(kinds.LEVEL, ("right", "forward"), scope.time, residual, both, terms)
 
 
 def wheel_speed(u_b: Array, sigma: Array, layout: Layout, scope: Scope, x: Estimate) -> Block:

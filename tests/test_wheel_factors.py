@@ -12,6 +12,7 @@ from factors import terrain_slip as ts
 from factors.block import Block, Scope
 from factors.calibration import Component, Layout
 from factors.estimate import Estimate
+from factors.level import level
 
 SEEDS = pytest.mark.parametrize("seed", range(3))
 NAMES = ("accel_bias", "toe", "slip_coefficient", "side_slip", "yaw_slip")
@@ -69,7 +70,7 @@ def test_wheel_yaw_tilt_level_and_speed_jacobians(seed: int) -> None:
     for function in (
         lambda x: rw.wheel_yaw(sums, rw.turns(x.R_nb), sigma[1:], LAYOUT, INTERVALS, x),
         lambda x: rw.tilt(rw.turns(x.R_nb), sigma[1:], INTERVALS),
-        lambda x: rw.level(vectors, g_n, sigma, LAYOUT, every, x),
+        lambda x: level(vectors, g_n, np.stack([sigma] * 2, -1), LAYOUT, every, x),
         lambda x: rw.wheel_speed(vectors, sigma, LAYOUT, every, x),
     ):
         assert_jacobian(function, x)

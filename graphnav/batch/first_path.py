@@ -22,6 +22,9 @@ from graphnav.inertial.odometer_steps import speed_at
 from graphnav.inertial.pace import pace
 
 BESIDE = 5  # fixes of which the median draws: two wild ones in a row do not
+# s that the median takes where the odometer alone leads from fix to fix: twice what bursts last, as
+# an iteration that begins inside one has nothing that draws it out
+BURST_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -97,6 +100,14 @@ def _drawn(prep: Prepared, nodes: Nodes, at: Estimate) -> Estimate:
     if not len(time):
         return at
     there = np.stack([np.interp(time, nodes.time, x) for x in at.p_n.T], -1)
-    between = median_filter(fixes_n - there, (min(BESIDE, len(time)), 1), mode="nearest")
+    between = median_filter(fixes_n - there, (min(_beside(prep), len(time)), 1), mode="nearest")
     moved = np.stack([np.interp(nodes.time, time, x) for x in between.T], -1)
     return Estimate(at.R_nb, at.v_n, at.p_n + moved, at.phase, at.calibration)
+
+
+def _beside(prep: Prepared) -> int:
+    """How many fixes draw a path together."""
+    run, gnss = prep.sensed.run, prep.sensed.gnss
+    if run.felt or run.odometer is None or gnss is None or len(gnss.time) < 2:
+        return BESIDE
+    return max(BESIDE, round(BURST_S / float(np.median(np.diff(gnss.time)))))

@@ -42,7 +42,7 @@ def hypotheses(run: Run, vehicle: Vehicle) -> list[Hypothesis]:
 def _lying(run: Run, vehicle: Vehicle) -> list[Hypothesis]:
     """How the IMU lies: the turn about up, and the mirroring, that lay its horizontal force on what
     odometer and gyro say of it; where too little is felt, all right angles."""
-    if run.imu is None:
+    if run.imu is None or not run.felt:
         return []
     now = seconds(run)
     felt = now.force[:, 0] + 1j * now.force[:, 1]

@@ -7,6 +7,7 @@ from factors import kinds
 from graphnav.batch.doubts import of_kind
 from graphnav.common.remark import Remark
 from graphnav.common.run import Array
+from graphnav.graph.inertial_noise import told_by_residuals
 from graphnav.result.solved import Solved
 
 WORSE = 4.0  # times its stated noise that an IMU is told to be
@@ -33,6 +34,7 @@ def noise_found(solved: Solved) -> list[tuple[str, str, float]]:
     noisy as is stated."""
     found, spec = solved.solver.get("imu_noise", {}), solved.vehicle.imu
     said = []
+    told = np.array(solved.run.sensed) & told_by_residuals(solved.run.sensed)
     for block, weight in of_kind(solved, kinds.INERTIAL):
         for unit, sensor, rows, stated in (
             ("gyro_deg_sqrt_h", "gyros", slice(0, 3), spec.gyro_noise_deg_sqrt_h),
@@ -41,7 +43,7 @@ def noise_found(solved: Solved) -> list[tuple[str, str, float]]:
             kept = np.minimum(weight * block.residual**2, 1.0)[:, rows]
             times = {}
             for state, on in _by_motion(solved, block.time).items():
-                shown = (kept[on].sum(axis=0) > SHOWN) & np.array(solved.run.sensed)[rows]
+                shown = (kept[on].sum(axis=0) > SHOWN) & told[rows]
                 level = np.array(found.get(state, {}).get(unit, np.zeros(3)))
                 times[state] = float(np.max(level * shown)) / stated
             state = max(times, key=times.__getitem__)

@@ -100,3 +100,8 @@ class Run:
     logged: Imu | None = None  # the IMU's samples as they came, where `imu` is not just these
     sensed: tuple[bool, ...] = EVERY_AXIS  # of gyro and accelerometer, b frame; else a stand-in
     notes: tuple[str, ...] = ()  # what the reading assumed or left out, one line each
+
+    @property
+    def felt(self) -> bool:
+        """Whether all three accelerometers were recorded."""
+        return all(self.sensed[3:])

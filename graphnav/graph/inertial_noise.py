@@ -9,21 +9,24 @@ import numpy as np
 from factors import kinds
 from factors.block import Index
 from factors.inertial import AXES
-from factors.preintegration import Increments, InertialNoise
+from factors.preintegration import InertialNoise
 from graphnav.common.run import Array
 from graphnav.graph.calibrations import DEG_SQRT_H, MG
 from graphnav.graph.noise import Parts, Scales, parts
+from graphnav.graph.preparation import Sensed
+from graphnav.inertial.standstill_evidence import Mask
 from graphnav.inertial.vibration import scatter
 
 SHEET, VIBRATION = "sheet", "vibration"
 STATES = {"standstill": "standing", "driving": "driving"}  # as they are told
 SURVIVES = 0.01  # of the scatter, in a sensor that integrates; all of it where one samples
+UNFELT = 1e3  # m/s/sqrt(s) of an accelerometer that was not recorded: it says nothing
 # times the assumed before the residuals have spoken: ten data sheets (design facts), all vibration
 HUMBLE = {SHEET: 10.0, VIBRATION: 1 / SURVIVES}
 
 
 def inertial_noise(
-    inc: Increments, nodes: Index, at_standstill: Index, sheet: InertialNoise, scales: Scales
+    sensed: Sensed, nodes: Index, at_standstill: Index, sheet: InertialNoise, scales: Scales
 ) -> Parts:
     """Squared noise density of gyro and accelerometer in every interval between `nodes` (N,),
     those in `at_standstill` at standstill; rows [theta, v], (N - 1, 6).
@@ -33,9 +36,24 @@ def inertial_noise(
     base = np.concatenate([np.full(3, sheet.gyro), np.full(3, sheet.accel)])
     assumed = {
         SHEET: np.broadcast_to(base, (n, 6)),
-        VIBRATION: SURVIVES * np.sqrt(scatter(inc, nodes)),
+        VIBRATION: SURVIVES * np.sqrt(scatter(sensed.inc, nodes)),
     }
-    return parts(kinds.INERTIAL, state, AXES[:6], assumed, scales, begin=HUMBLE)
+    learnt = told_by_residuals(sensed.run.sensed)
+    humble = sum((HUMBLE[part] * sigma) ** 2 for part, sigma in assumed.items())
+    fixed = np.sqrt(humble) * ~learnt
+    fixed[:, 3:] = UNFELT * ~learnt[3:]
+    assumed = {part: sigma * learnt for part, sigma in assumed.items()}
+    return parts(kinds.INERTIAL, state, AXES[:6], assumed, scales, fixed=fixed, begin=HUMBLE)
+
+
+def told_by_residuals(sensed: tuple[bool, ...]) -> Mask:
+    """Whose noise the residuals tell, of gyro and accelerometer (6,), by what was `sensed`.
+
+    Where no accelerometer was, nothing speaks against a gyro about a level axis: the ground may
+    rock as it says. Pitch (x) is held by what is felt ahead (y), and roll the other way round.
+    """
+    felt = np.array(sensed[3:])
+    return np.concatenate([felt[[1, 0]], [True], felt])
 
 
 def density(noise: Parts) -> InertialNoise:

@@ -130,7 +130,7 @@ def _velocities(round_: Round, moving: Index) -> tuple[Factor, Parts]:
     prep, layout = round_.prep, round_.prep.setup.layout
     names, scope = driven(prep, round_.state[moving]), round_.nodes.at(moving + 1)
     spoken = _spoken(prep.sensed.run.odometer, scope.time + delay_of(prep, round_.at))
-    rate_b = _rate(round_, scope)
+    rate_b = body_rate(round_, scope)
     noise = velocity_noise(round_, moving, names, rate_b[:, 2], spoken.heard)
     reading = VelocityReading(
         speed=spoken.speed,
@@ -168,7 +168,7 @@ def _spoken(odometer: Odometer | None, time: Array) -> _Spoken:
     return _Spoken(speed(time), change, heard(odometer.time, time, time))
 
 
-def _rate(round_: Round, at_nodes: Scope) -> Array:
+def body_rate(round_: Round, at_nodes: Scope) -> Array:
     """The body's rate relative to the Earth at nodes (n, 3) rad/s, the mean of `RATE_S` to either
     side.
     """

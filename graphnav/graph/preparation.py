@@ -17,6 +17,7 @@ from graphnav.inertial.alignment import Alignment, align
 from graphnav.inertial.fix_delay import found_delay
 from graphnav.inertial.heading_sources import STATED
 from graphnav.inertial.increments import increments
+from graphnav.inertial.level_force import felt_when_level
 from graphnav.inertial.orientation import oriented
 from graphnav.inertial.reckoning import inertial_path
 from graphnav.inertial.standstill import (
@@ -96,9 +97,16 @@ def prepare(
     """
     if run.imu is None:
         raise InputError(f"{run.path}: no gyro and accelerometer columns to smooth")
-    inc = increments(run.imu)
     gnss = in_use(run, vehicle, use_gnss, outages)
-    lying = oriented(replace(run, gnss=gnss), vehicle, inc)
+    if not run.sensed[4] and run.odometer is None and gnss is None:
+        raise InputError(
+            f"{run.path}: no forward accelerometer, no odometer and no fixes in use: nothing "
+            "tells the vehicle's speed; record one of them, or use the fixes"
+        )
+    run = felt_when_level(replace(run, gnss=gnss), vehicle.odometer.mount_b)
+    assert run.imu is not None
+    inc = increments(run.imu)
+    lying = oriented(run, vehicle, inc)
     vehicle, inc = lying.vehicle, lying.inc
     gnss, delay = punctual(gnss, vehicle, inc, run.odometer)
     used = replace(lying.run, gnss=gnss)

@@ -24,6 +24,7 @@ from graphnav.graph.noise import Parts, Scales, States
 from graphnav.graph.preparation import Prepared
 from graphnav.graph.round import Factor, Round
 from graphnav.graph.satellite_fixes import satellite_fixes
+from graphnav.graph.unfelt import unfelt_factors
 from graphnav.inertial import heading_sources
 from graphnav.inertial.alignment import LOOSE_HEADING
 from graphnav.inertial.carried_standstill import HORIZONTAL, VERTICAL
@@ -67,7 +68,7 @@ def build(
         np.bincount(owner, detected.at_standstill, len(seg)) / count > 0.999
     )
     carried = np.stack([np.bincount(owner, on, len(seg)) > 0 for on in detected.carried.T], -1)
-    imu = inertial_noise(prep.sensed.inc, nodes.edge, at_standstill, setup.noise, scales)
+    imu = inertial_noise(prep.sensed, nodes.edge, at_standstill, setup.noise, scales)
     errors = setup.layout.imu_errors_of(at.calibration)[seg]
     pre = preintegrate(prep.sensed.inc, nodes.edge, errors, density(imu))
     state = timeline.state_at(0.5 * (nodes.time[1:] + nodes.time[:-1]))
@@ -82,6 +83,7 @@ def build(
     moving = np.setdiff1d(np.flatnonzero(~carried.any(1)), at_standstill)
     motion, noise = motion_factors(round_, moving)
     factors.extend(motion)
+    factors.extend(unfelt_factors(round_, at_standstill, np.asarray(carried.any(1))))
     noise[kinds.INERTIAL] = imu
     if prep.sensed.gnss is not None:
         unmoved = at_standstill[~carried[at_standstill].any(1)]

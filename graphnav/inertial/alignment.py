@@ -70,7 +70,7 @@ def align(run: Run, vehicle: Vehicle, inc: Increments, standstill_until: float) 
     bias_sd = np.deg2rad(vehicle.imu.gyro_bias_deg_h) / 3600
     rate = mean_rate(inc, standstill_until) if at_standstill else np.zeros(3)
     speed = pace(run, inc.edge)
-    bias = rate if at_standstill else tilting_bias(inc, speed, bias_sd)
+    bias = rate if at_standstill else tilting_bias(inc, speed if run.felt else None, bias_sd)
     R_level = levelled(inc, speed, standstill_until, bias)
     start_standstill = (
         _initial_standstill(vehicle, R_level @ rate, standstill_until - inc.edge[0])

@@ -35,17 +35,20 @@ class Failure:
     mask: Mask  # (M,)
 
 
-def failures(odometer: Odometer, imu: Imu) -> list[Failure]:
-    """Where the odometer failed, by what happened to it."""
+def failures(odometer: Odometer, imu: Imu, felt: bool = True) -> list[Failure]:
+    """Where the odometer failed, by what happened to it; without accelerometers brakes are not
+    `felt`.
+    """
     if len(odometer.time) < REPEATS:
         return []
-    wild = _wild(odometer)
     found = [
-        Failure("counted what no wheel does", wild),
+        Failure("counted what no wheel does", _wild(odometer)),
         Failure("jumps about", _jumping(odometer)),
-        Failure("died: it stopped without the vehicle braking", _dead(odometer, imu)),
         Failure("stuck at one speed", _stuck(odometer)),
     ]
+    if felt:
+        dead = _dead(odometer, imu)
+        found.insert(2, Failure("died: it stopped without the vehicle braking", dead))
     return [f for f in found if f.mask.any()]
 
 

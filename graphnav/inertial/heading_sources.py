@@ -99,7 +99,8 @@ def evidence(
     if path is not None:
         gross = max(PATH_GROSS, float(np.exp(-len(path.time))))
         found.append(of_imu(Evidence(path.heading, path.sd, PATH, gross)))
-    if standstill is not None:
+    # which way is up, the Earth's turn does not say
+    if standstill is not None and all(run.sensed):
         found += _compassed(vehicle, standstill, origin)
     return found
 

@@ -68,7 +68,7 @@ def _odometer(run: Run, imu: Imu) -> tuple[Odometer | None, list[str]]:
     if odometer is None:
         return None, []
     failed = np.zeros(len(odometer.time), bool)
-    for failure in failures(odometer, imu):
+    for failure in failures(odometer, imu, run.felt):
         failed |= failure.mask
         at = odometer.time[failure.mask]
         notes.append(

@@ -6,6 +6,7 @@ from difflib import get_close_matches
 import numpy as np
 from numpy.typing import NDArray
 
+from graphnav.common.earth import G_STANDARD
 from graphnav.reading.columns import ACCEL, GYRO
 from graphnav.reading.dialect import MOST_DAMAGED
 from graphnav.reading.samples import Rows, Samples
@@ -36,24 +37,46 @@ def inertial(samples: Samples, axes: Array) -> Inertial:
     there = replace(samples, columns=samples.columns | _stand_ins(samples, axes, blind))
     found = _side_by_side(there)
     sensed = tuple(name not in blind for name in GYRO + ACCEL)
-    note = f"{', '.join(blind)} not recorded: roll and pitch rest on the accelerometers"
-    return replace(found, sensed=sensed, notes=(*([note] if blind else []), *found.notes))
+    return replace(found, sensed=sensed, notes=(*_blind_noted(blind), *found.notes))
+
+
+def _blind_noted(blind: tuple[str, ...]) -> list[str]:
+    """What was not recorded, and what takes its place."""
+    if not blind:
+        return []
+    if any(name in ACCEL for name in blind):
+        instead = "the vehicle is taken to be level on the whole, within what roads slope"
+    else:
+        instead = "roll and pitch rest on the accelerometers"
+    return [f"{', '.join(blind)} not recorded: {instead}"]
 
 
 def _blind(samples: Samples, axes: Array) -> tuple[str, ...]:
-    """Gyros about level axes that were not recorded: left out, or zero throughout."""
-    upright = GYRO[int(np.abs(axes[2]).argmax())]
+    """Axes that were not recorded, left out or written as zero throughout: gyros about level axes,
+    accelerometers.
+    """
+    upright = _upright(axes)
     if upright not in samples.columns:
         return ()
-    like = {name for name in GYRO if get_close_matches(name, samples.ignored)}
-    level = [name for name in GYRO if name not in (upright, *like)]
-    return tuple(k for k in level if not np.nan_to_num(samples.columns.get(k, np.zeros(1))).any())
+    like = {k for k in GYRO + ACCEL if get_close_matches(k, samples.ignored)}
+    others = [name for name in GYRO + ACCEL if name not in (upright, *like)]
+    return tuple(k for k in others if not np.nan_to_num(samples.columns.get(k, np.zeros(1))).any())
+
+
+def _upright(axes: Array) -> str:
+    """The gyro that turns with the vehicle's heading."""
+    return GYRO[int(np.abs(axes[2]).argmax())]
 
 
 def _stand_ins(samples: Samples, axes: Array, blind: tuple[str, ...]) -> dict[str, Array]:
-    """No turn, on the rows of the upright gyro."""
-    upright = GYRO[int(np.abs(axes[2]).argmax())]
-    return dict.fromkeys(blind, 0.0 * samples.columns[upright]) if blind else {}
+    """What a level vehicle shows that neither turns nor gains speed, on the rows of the upright
+    gyro.
+    """
+    if not blind:
+        return {}
+    none = 0.0 * samples.columns[_upright(axes)]
+    force = dict(zip(ACCEL, G_STANDARD * axes[2], strict=True))
+    return {name: none + force.get(name, 0.0) for name in blind}
 
 
 def _side_by_side(samples: Samples) -> Inertial:

@@ -23,6 +23,7 @@ from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
 from factors.heading import Bearing, heading
 from factors.initial_state import InitialState, initial_state
+from factors.level import level
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from factors.terrain_slip import WheelTrack, terrain_slip
 from graphnav.common.angles import rotation_of_angles
@@ -224,12 +225,12 @@ def _level(problem: RoverProblem) -> Factor:
         means = rover.levelling(source, nodes.time)
         known = np.isfinite(means.force_b[:, 0])
         force[known], sigma[known] = means.force_b[known], means.sigma[known]
-    intervals, every = nodes.intervals, nodes.at(np.arange(n))
+    intervals, every, both = nodes.intervals, nodes.at(np.arange(n)), np.stack([sigma] * 2, -1)
 
     def factor(x: Estimate) -> list[Block]:
         return [
             rw.tilt(rw.turns(x.R_nb), slope_sd, intervals),
-            rw.level(force, g_n, sigma, layout, every, x),
+            level(force, g_n, both, layout, every, x),
         ]
 
     return factor

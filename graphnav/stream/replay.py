@@ -14,6 +14,7 @@ import numpy as np
 from factors import so3
 from factors.block import POSITION
 from graphnav.batch.smoother import Smoothed, smooth_batch
+from graphnav.common.errors import InputError
 from graphnav.common.progress import Progress, unheard
 from graphnav.common.run import Array, Run
 from graphnav.common.worker_process import WorkerProcess
@@ -46,8 +47,14 @@ def smooth_incremental(
 ) -> Replayed:
     """Replay a run in another process while this one smooths it; `lag` s as in `Smoother`.
 
-    Raises InputError when the stream never learns where it starts, though the batch might.
+    Raises InputError when the stream never learns where it starts, though the batch might, or
+    when accelerometers are missing.
     """
+    if not prep.sensed.run.felt:
+        raise InputError(
+            f"{prep.sensed.run.path}: without accelerometers a stream is not supported: smooth the "
+            "run in batch, leave out --mode"
+        )
     with WorkerProcess(f"{__name__}:known_and_solver") as stream:
         stream.call(prep, lag)
         smoothed = smooth_batch(prep, progress)
