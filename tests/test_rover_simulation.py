@@ -42,7 +42,9 @@ def test_all_wheels_touch_the_ground_and_the_linkage_flexes() -> None:
 
 
 def test_on_a_plane_the_linkage_stays_at_zero_and_the_body_tilts() -> None:
-    slope = rover_ground.Field(np.array([[1e-4, 0.0]]), np.zeros(1), np.array([1e3]))  # 0.1 east
+    slope = rover_ground.RandomField(
+        np.array([[1e-4, 0.0]]), np.zeros(1), np.array([1e3])
+    )  # 0.1 east
     heading = np.array([np.pi / 2, 0.0])  # up the slope, along it
     pose = rover_ground.settle(rover.LINKAGE, slope, np.zeros((2, 2)), heading)
     np.testing.assert_allclose(pose.joints.rocker, 0, atol=1e-6)

@@ -16,14 +16,14 @@ from graphnav.common.errors import InputError
 from graphnav.graph.preparation import Prepared
 from graphnav.inertial.increments import increments
 from graphnav.stream import replay as incremental
-from graphnav.stream.inertial_intake import Inertial
+from graphnav.stream.inertial_intake import InertialIntake
 from graphnav.stream.intake import Distance
 
 
 def test_increments_of_a_stream_are_those_of_the_run(prep: Prepared) -> None:
     imu = prep.sensed.run.imu
     assert imu is not None
-    inertial = Inertial()
+    inertial = InertialIntake()
     for part in np.array_split(np.arange(1500), [7, 8, 30, 131, 800, 802]):
         inertial.add(imu.time[part], imu.gyro[part], imu.accel[part])
     inertial.finish()

@@ -69,7 +69,7 @@ class PathHeading:
 
 
 @dataclass(frozen=True)
-class _Slots:
+class _Displacements:
     """Displacements between neighbouring slots of fixes."""
 
     at: Index  # (F,) sample of the reckoned path at each fix
@@ -127,7 +127,7 @@ def path_heading(
     )
 
 
-def _begin(path: Complex, heading_sd: float, slots: _Slots) -> tuple[complex, float]:
+def _begin(path: Complex, heading_sd: float, slots: _Displacements) -> tuple[complex, float]:
     """Where the first fixes put the start along the path, and its sigma."""
     few = slice(0, FEW)
     way = path[slots.at[few]]
@@ -137,7 +137,9 @@ def _begin(path: Complex, heading_sd: float, slots: _Slots) -> tuple[complex, fl
     return begin, float(np.hypot(off, np.median(slots.sd[few])))
 
 
-def _best_slots(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array) -> _Slots | None:
+def _best_slots(
+    reckoned: Reckoned, fixes: Complex, time: Array, sd: Array
+) -> _Displacements | None:
     """Slots of the length that tells most; None where no length has enough of them."""
     inside = (time >= reckoned.time[0]) & (time <= reckoned.time[-1])
     fixes, time, sd = fixes[inside], time[inside], sd[inside]
@@ -162,7 +164,9 @@ def _tame(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array) -> NDArray
     return tame if tame.mean() > 0.5 else np.ones(len(fixes), bool)
 
 
-def _slots(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array, length: float) -> _Slots:
+def _slots(
+    reckoned: Reckoned, fixes: Complex, time: Array, sd: Array, length: float
+) -> _Displacements:
     owner = np.unique(np.floor(time / length), return_inverse=True)[1]
     count = np.bincount(owner).astype(np.float64)
     own_sd = np.sqrt(np.bincount(owner, sd**2) / count / np.minimum(count, COUNTED))
@@ -170,7 +174,7 @@ def _slots(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array, length: f
     middle = np.bincount(owner, time) / count
     empty = np.zeros(0)
     none = empty.astype(np.complex128)
-    whole = _Slots(at, owner, count, np.arange(0), none, empty, empty, fixes, sd)
+    whole = _Displacements(at, owner, count, np.arange(0), none, empty, empty, fixes, sd)
     moved: Complex = np.diff(whole.mean(fixes)).astype(np.complex128)
     way = np.abs(np.diff(whole.mean(reckoned.path(0.0)[at])))
     noise = np.hypot(own_sd[1:], own_sd[:-1])
@@ -182,11 +186,11 @@ def _slots(reckoned: Reckoned, fixes: Complex, time: Array, sd: Array, length: f
         ratio /= np.median(ratio)
         weight *= np.minimum(ratio, 1 / ratio) ** 2
     time = 0.5 * (middle[1:] + middle[:-1])[pick]
-    return _Slots(at, owner, count, pick, moved[pick], time, weight, fixes, sd)
+    return _Displacements(at, owner, count, pick, moved[pick], time, weight, fixes, sd)
 
 
 def _peak(
-    reckoned: Reckoned, slots: _Slots, on: NDArray[np.bool_], bias_sd: float
+    reckoned: Reckoned, slots: _Displacements, on: NDArray[np.bool_], bias_sd: float
 ) -> tuple[float, Complex]:
     """The rate [rad/s] at which all slots agree best on one heading, and their phasors there."""
     span = float(slots.time[on][-1] - reckoned.time[0]) + 1.0

@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-Grade = Literal["navigation", "fog", "tactical", "mems"]
+ImuGrade = Literal["navigation", "fog", "tactical", "mems"]
 Default = Callable[[dict[str, Any]], float]  # of a key, from the keys above it
 
 # typical 1-sigma figures; explicit keys win over them. Scale factors: most sensors 100 to 1000 ppm,
@@ -24,7 +24,7 @@ GRADES: dict[str, dict[str, float]] = {
              "gyro_scale_ppm": 5000.0, "accel_bias_mg": 20.0,
              "accel_noise_mg_sqrt_hz": 0.2, "accel_scale_ppm": 10000.0},
 }  # fmt: skip
-DEFAULT_GRADE: Grade = "mems"
+DEFAULT_GRADE: ImuGrade = "mems"
 INSTABILITY = 0.1  # in-run over static bias (Groves 2013, 4.4.1)
 
 

@@ -17,7 +17,7 @@ from graphnav.reading.grades import (
     DEFAULT_GRADE,
     GRADES,
     INSTABILITY,
-    Grade,
+    ImuGrade,
     from_grade,
     from_grade_like,
     share_of,
@@ -114,7 +114,7 @@ class ImuSpec(Section):
     """`[imu]`: axis order and error figures; what is not given comes from `grade`."""
 
     axes: str = key("what x, y, z point to, e.g. RFU, FRD, FLU", default="RFU")
-    grade: Grade | None = key("navigation, fog, tactical or mems: fills the figures not given")
+    grade: ImuGrade | None = key("navigation, fog, tactical or mems: fills the figures not given")
     gyro_bias_deg_h: Positive = key(
         "1 sigma of the constant part", "deg/h", from_grade("gyro_bias_deg_h")
     )

@@ -15,11 +15,11 @@ from typing import TypedDict, Unpack
 from graphnav.common.errors import InputError
 from graphnav.simulation import files, skid, tracked, wheeled
 from graphnav.simulation.drive import Driven, Options
-from graphnav.simulation.grades import GRADES, Grade
+from graphnav.simulation.grades import GRADES, ImuErrors
 from graphnav.simulation.inertial import Truth
 from graphnav.simulation.recording import Recording, record
 
-__all__ = ["GRADES", "SCENARIOS", "Grade", "Options", "Recording", "Truth", "simulate"]
+__all__ = ["GRADES", "SCENARIOS", "ImuErrors", "Options", "Recording", "Truth", "simulate"]
 __all__ += ["simulate_truth"]
 
 DRIVES: dict[str, Callable[[Options], Driven]] = {

@@ -8,7 +8,7 @@ import numpy as np
 
 from graphnav.simulation import inertial, ride, rotation
 from graphnav.simulation.ellipsoid import Array
-from graphnav.simulation.field import Field
+from graphnav.simulation.field import FieldConditions
 from graphnav.simulation.ground import Roughness, tilt
 from graphnav.simulation.inertial import Body, Truth
 from graphnav.simulation.legs import Commands
@@ -58,7 +58,7 @@ class SimulatedVehicle:
     rough: Roughness
     scale_error: tuple[float, float] = (0.005, 0.015)  # bounds of a speed column's, either sign
     sides: bool = False  # odo_left and odo_right
-    field: Field | None = None  # None: a laboratory's sensors on a laboratory's ground
+    field: FieldConditions | None = None  # None: a laboratory's sensors on a laboratory's ground
 
     @property
     def lever(self) -> Array:

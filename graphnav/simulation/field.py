@@ -42,7 +42,7 @@ class Shaking(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Field:
+class FieldConditions:
     """How one vehicle takes the ground."""
 
     grade: str  # of the IMU, unless another is asked for
@@ -67,7 +67,7 @@ class Field:
         return self.hills if "hills" in self.effects else self.plain
 
 
-TRACKED = Field(
+TRACKED = FieldConditions(
     grade="tactical",
     shaking=Shaking((0.6, 0.5, 0.9), (0.012, 0.018, 0.006), 5.0, 0.8, 0.152, 0.12, 37.0),
     half_gauge=1.4,
@@ -78,7 +78,7 @@ TRACKED = Field(
     bump_every=60.0, bump_height=0.06, bump_length=3.0,
     squat=0.006, drift=0.10, slip_sd=0.015, slip_climb=0.15,
 )  # fmt: skip
-WHEELED = Field(
+WHEELED = FieldConditions(
     grade="mems",
     shaking=Shaking((0.35, 0.30, 0.6), (0.015, 0.010, 0.004), 12.0, 0.7, 0.035, 0.04, 26.0),
     half_gauge=0.75,
@@ -89,7 +89,7 @@ WHEELED = Field(
     bump_every=150.0, bump_height=0.04, bump_length=2.5,
     squat=0.010, drift=0.02, slip_sd=0.004, slip_climb=0.03,
 )  # fmt: skip
-SKID = Field(
+SKID = FieldConditions(
     grade="mems",
     shaking=Shaking((0.6, 0.55, 0.8), (0.03, 0.02, 0.015), 1.2, 0.7, 0.05, 0.0, 0.0),
     half_gauge=0.54,
@@ -103,7 +103,7 @@ SKID = Field(
 GROUNDS = (0.5, 1.0, 1.0, 2.0)  # vibration on smooth, middling and rough ground
 
 
-def without(field: Field, left_out: tuple[str, ...]) -> Field:
+def without(field: FieldConditions, left_out: tuple[str, ...]) -> FieldConditions:
     """The field less some of its effects. Raises InputError on an unknown one."""
     for name in left_out:
         if name not in EFFECTS:

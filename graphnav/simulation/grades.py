@@ -15,7 +15,7 @@ MG = 1e-3 * G_STANDARD  # m/s^2
 
 
 @dataclass(frozen=True)
-class Grade:
+class ImuErrors:
     """One sigma of each error; the wander is a random walk after one hour."""
 
     gyro_bias_deg_h: float
@@ -28,10 +28,10 @@ class Grade:
 
 GRADES = {
     #                  bias   noise   wander | bias noise  wander
-    "navigation": Grade(0.002, 0.0005, 0.0004, 0.02, 0.005, 0.002),  # ring laser
-    "fog":        Grade(0.02,  0.002,  0.004,  0.1,  0.01,  0.01),
-    "tactical":   Grade(2.0,   0.1,    0.4,    1.0,  0.05,  0.1),
-    "mems":       Grade(8.0,   0.09,   1.6,    1.0,  0.08,  0.1),
+    "navigation": ImuErrors(0.002, 0.0005, 0.0004, 0.02, 0.005, 0.002),  # ring laser
+    "fog":        ImuErrors(0.02,  0.002,  0.004,  0.1,  0.01,  0.01),
+    "tactical":   ImuErrors(2.0,   0.1,    0.4,    1.0,  0.05,  0.1),
+    "mems":       ImuErrors(8.0,   0.09,   1.6,    1.0,  0.08,  0.1),
 }  # fmt: skip
 
 
@@ -83,7 +83,12 @@ class Disturbed:
 
 
 def disturb(
-    rng: np.random.Generator, grade: Grade, gyro: Array, accel: Array, dt: float, noise: float = 1.0
+    rng: np.random.Generator,
+    grade: ImuErrors,
+    gyro: Array,
+    accel: Array,
+    dt: float,
+    noise: float = 1.0,
 ) -> Disturbed:
     """True means (N, 3) with constant bias, slow random walk and white noise added.
 

@@ -25,7 +25,7 @@ AVERAGED_S = (0.1, 1.0, 10.0)  # over which the injected noise is stated
 
 
 @dataclass(frozen=True)
-class Sensed:
+class SensedImu:
     """Samples, biases, noise as injected and the axes as they are."""
 
     imu: Disturbed
@@ -35,7 +35,7 @@ class Sensed:
     accel_axes: Array  # (3, 3)
 
 
-def sensed(driven: Driven, options: Options) -> Sensed:
+def sensed(driven: Driven, options: Options) -> SensedImu:
     """The samples of a run. Raises InputError on an unknown grade."""
     grade, field, truth = driven.setup.grade, driven.setup.field, driven.truth
     if grade not in GRADES:
@@ -55,7 +55,7 @@ def sensed(driven: Driven, options: Options) -> Sensed:
         imu = imu.shifted(shaken[0], shaken[1])
     if "quantisation" in effects:
         imu = imu.quantised(IMPERFECTIONS[grade].gyro_lsb, IMPERFECTIONS[grade].accel_lsb)
-    return Sensed(
+    return SensedImu(
         imu,
         imu.gyro - gyro - imu.gyro_bias,
         imu.accel - accel - imu.accel_bias,
@@ -112,7 +112,7 @@ def levels(
     return found
 
 
-def injected(sensed: Sensed, driven: Driven, dt: float) -> dict[str, dict[str, object]]:
+def injected(sensed: SensedImu, driven: Driven, dt: float) -> dict[str, dict[str, object]]:
     """Noise of each axis, standing and driving apart, in the units of the vehicle file."""
     moves = driven.commands
     moving = (moves.speed != 0) | (moves.yaw_rate != 0)

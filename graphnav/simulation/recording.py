@@ -144,7 +144,7 @@ def _truth(driven: Driven, rate_hz: int) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _constants(driven: Driven, sensed: imu.Sensed, scale: Array, rate_hz: int) -> dict[str, Any]:
+def _constants(driven: Driven, sensed: imu.SensedImu, scale: Array, rate_hz: int) -> dict[str, Any]:
     """What calibration.json estimates, as it truly was."""
     every = round(KEPT_EVERY * rate_hz)
     time = driven.truth.time[::every]

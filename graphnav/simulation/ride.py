@@ -8,7 +8,7 @@ from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
 from graphnav.simulation.ellipsoid import Array
-from graphnav.simulation.field import Field
+from graphnav.simulation.field import FieldConditions
 from graphnav.simulation.legs import Commands
 
 PITCH_SHARE, PITCH_LAG = 0.6, 0.4  # of a bump's slope that the body follows; lag in its lengths
@@ -28,7 +28,9 @@ class Ridden:
     upward: Array  # (M,) m/s
 
 
-def ridden(rng: np.random.Generator, field: Field, drive: Commands, roll: Array) -> Ridden:
+def ridden(
+    rng: np.random.Generator, field: FieldConditions, drive: Commands, roll: Array
+) -> Ridden:
     """Bumps, squat and drift; `roll` (M,) rad is the side slope.
 
     The vehicle point follows the ground's slope, the body only part of it and later: what is left
@@ -54,7 +56,9 @@ def _eased_acceleration(speed: Array, dt: float) -> Array:
     return np.asarray(rise)
 
 
-def _bumps(rng: np.random.Generator, field: Field, drive: Commands) -> tuple[Array, Array, Array]:
+def _bumps(
+    rng: np.random.Generator, field: FieldConditions, drive: Commands
+) -> tuple[Array, Array, Array]:
     """Slope of the ground, pitch and roll (M,) of the body on bumps, by the way along the path."""
     way = np.cumsum(drive.speed) * float(drive.time[1])
     width = field.bump_length / 2

@@ -17,7 +17,7 @@ from factors import rocker_bogie as rb
 from graphnav.common.earth import Origin
 from graphnav.simulation import rover_ground as ground
 from graphnav.simulation import rover_sensors as sensors
-from graphnav.simulation.grades import DEG_H, DEG_SQRT_H, MG, Grade
+from graphnav.simulation.grades import DEG_H, DEG_SQRT_H, MG, ImuErrors
 from graphnav.simulation.rover_sensors import GEAR_DT, IMU_DT, Conditions, Motion
 
 Array = NDArray[np.float64]
@@ -49,7 +49,7 @@ class Simulated:
         (out / "vehicle.toml").write_text(self.vehicle)
 
 
-def with_gyro(c: Conditions, grade: Grade) -> Conditions:
+def with_gyro(c: Conditions, grade: ImuErrors) -> Conditions:
     """The same ground with gyros of a grade fitted."""
     return replace(
         c,

@@ -12,7 +12,7 @@ Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Field:
+class RandomField:
     """A smooth random scalar over the ground: a sum of plane waves."""
 
     wave: Array  # (M, 2) rad/m
@@ -31,22 +31,22 @@ class Field:
 
 def random_field(
     rng: np.random.Generator, shortest: float, longest: float, power: float, modes: int = 40
-) -> Field:
+) -> RandomField:
     """Unit-variance field of wavelengths [m]; amplitude grows as wavelength^power."""
     length = np.exp(rng.uniform(np.log(shortest), np.log(longest), modes))
     course = rng.uniform(0, 2 * np.pi, modes)
     wave = (2 * np.pi / length)[:, None] * np.stack([np.cos(course), np.sin(course)], -1)
     amplitude = length**power
     amplitude *= np.sqrt(2 / np.sum(amplitude**2))
-    return Field(wave, rng.uniform(0, 2 * np.pi, modes), amplitude)
+    return RandomField(wave, rng.uniform(0, 2 * np.pi, modes), amplitude)
 
 
-def scaled(field: Field, factor: float) -> Field:
+def scaled(field: RandomField, factor: float) -> RandomField:
     """The field times a constant."""
-    return Field(field.wave, field.phase, field.amplitude * factor)
+    return RandomField(field.wave, field.phase, field.amplitude * factor)
 
 
-def terrain(rng: np.random.Generator, slope: float) -> Field:
+def terrain(rng: np.random.Generator, slope: float) -> RandomField:
     """Surface of the wheel centres [m]: boulder swells to hills, `slope` rad RMS along a line."""
     field = random_field(rng, 0.9, 30.0, 1.0)
     steepness = np.sqrt(np.sum((field.wave * field.amplitude[:, None]) ** 2) / 4)
@@ -67,7 +67,7 @@ def _joints(x: Array) -> rb.Joints:
     return rb.Joints(steer=np.zeros((len(x), 6)), rocker=x[:, 3], bogie=x[:, 4:6])
 
 
-def settle(linkage: rb.Linkage, ground: Field, en: Array, heading: Array) -> Pose:
+def settle(linkage: rb.Linkage, ground: RandomField, en: Array, heading: Array) -> Pose:
     """Height, roll, pitch, rocker and bogies so that all six wheel centres lie on `ground`.
 
     Six contacts, six unknowns: Newton's method, all samples at once. `en` (N, 2) m is the body

@@ -8,7 +8,7 @@ import numpy as np
 from graphnav.common.errors import InputError
 from graphnav.simulation.drive import Driven, Options, SimulatedVehicle, clock, follow, stream
 from graphnav.simulation.ellipsoid import Array
-from graphnav.simulation.field import TRACKED, Field, without
+from graphnav.simulation.field import TRACKED, FieldConditions, without
 from graphnav.simulation.ground import Roughness
 from graphnav.simulation.legs import Commands, Leg, commands, cut, eased
 from graphnav.simulation.slip import slipping
@@ -52,7 +52,7 @@ def drive_field(options: Options) -> Driven:
     return drive(options, without(TRACKED, options.without))
 
 
-def drive(options: Options, field: Field | None = None) -> Driven:
+def drive(options: Options, field: FieldConditions | None = None) -> Driven:
     """One run, noise-free. Raises InputError on an unknown ground."""
     ground = _ground(options)
     duration = options.duration or (FIELD_DURATION if field else DURATION)

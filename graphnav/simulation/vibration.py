@@ -8,7 +8,7 @@ from scipy.signal import iirpeak, lfilter
 
 from graphnav.simulation.drive import Driven, Options, stream
 from graphnav.simulation.ellipsoid import Array
-from graphnav.simulation.field import Field, Shaking, roughness
+from graphnav.simulation.field import FieldConditions, Shaking, roughness
 
 HZ = 2000  # of its own grid
 RESONANCES = ((12.0, 20.0, 0.35), (25.0, 70.0, 0.6), (90.0, 260.0, 0.7))  # from, to [Hz], share
@@ -37,7 +37,7 @@ def vibration(driven: Driven, options: Options) -> tuple[Array, Array]:
     return seen[:, :3], seen[:, 3:]
 
 
-def _level(rng: np.random.Generator, field: Field, driven: Driven) -> tuple[Array, Array]:
+def _level(rng: np.random.Generator, field: FieldConditions, driven: Driven) -> tuple[Array, Array]:
     """Strength (M,) at the internal nodes and phase (M,) rad of the running gear's tone."""
     drive, shaking = driven.commands, field.shaking
     dt = float(drive.time[1])

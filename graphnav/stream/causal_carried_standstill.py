@@ -15,7 +15,7 @@ from graphnav.inertial.carried_standstill import (
     travels,
 )
 from graphnav.inertial.standstill_evidence import SHORTEST_S, Mask, runs
-from graphnav.stream.inertial_intake import Inertial
+from graphnav.stream.inertial_intake import InertialIntake
 
 Fixes = Callable[[float, float], Gnss | None]  # those in use between two times
 LOOK_S = 5.0  # between looks at the whole of a stop of the gear
@@ -61,7 +61,7 @@ class CausalCarried:
             standstills.pop()
         standstills.append((start, end))
 
-    def look(self, inertial: Inertial, fixes: Fixes, now: float) -> None:
+    def look(self, inertial: InertialIntake, fixes: Fixes, now: float) -> None:
         """Hold what was recorded until `now` s against the standstills of the present stop."""
         if not self._goes_on or now - self._stops[-1].start < SHORTEST_S:
             return
@@ -101,7 +101,7 @@ class CausalCarried:
         return out
 
 
-def _since(inertial: Inertial, start: float, end: float) -> Increments:
+def _since(inertial: InertialIntake, start: float, end: float) -> Increments:
     """The increments between two times."""
     edge = inertial.edge.rows
     first, last = np.searchsorted(edge, [start - 1e-6, end - 1e-6])

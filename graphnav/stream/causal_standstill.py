@@ -31,7 +31,7 @@ from graphnav.inertial.standstill_evidence import (
 )
 from graphnav.inertial.standstill_rate import StandstillRate, standstill_rate
 from graphnav.stream.causal_carried_standstill import CausalCarried, Fixes
-from graphnav.stream.inertial_intake import Inertial
+from graphnav.stream.inertial_intake import InertialIntake
 from graphnav.stream.intake import LOOK_AHEAD_S, Distance, Sides
 from graphnav.stream.reckoned_speed import ReckonedSpeed
 
@@ -101,7 +101,7 @@ class CausalStandstill:
         return min(done - done % FRAME + FRAME, ready)
 
     def advance(
-        self, inertial: Inertial, odometer: Distance, sides: Sides, fixes: Fixes, ready: int
+        self, inertial: InertialIntake, odometer: Distance, sides: Sides, fixes: Fixes, ready: int
     ) -> None:
         """Judge the increments up to `ready`, which must have their look-ahead."""
         done = len(self.at_standstill)
@@ -165,7 +165,7 @@ class CausalStandstill:
             return len(braked(span[None], inc, odometer)) > 0
         return may_be_standstill(span, self._believed, *self.reckoned.speed)
 
-    def _look_back(self, inertial: Inertial, q: StandstillEvidence, fixes: Fixes) -> None:
+    def _look_back(self, inertial: InertialIntake, q: StandstillEvidence, fixes: Fixes) -> None:
         """At the end of a frame: what contradicts the present standstill, and what is usual."""
         count = len(self.at_standstill)
         now = float(inertial.edge.rows[count])

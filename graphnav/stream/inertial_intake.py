@@ -27,7 +27,7 @@ LOST_S, REMEMBERED_S = 0.1, 120.0  # a longer loss asks more of the past
 PULLED = 0.02  # of what the clock is found off, taken back with every sample
 
 
-class Inertial:
+class InertialIntake:
     """Raw samples to increments, the same as `increments` makes of the whole run."""
 
     def __init__(self, grid_s: float = GRID_S) -> None:

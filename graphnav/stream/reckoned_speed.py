@@ -5,7 +5,7 @@ import numpy as np
 from graphnav.common.growing_array import GrowingArray
 from graphnav.common.run import Array
 from graphnav.graph.preparation import Setup, speed_along
-from graphnav.stream.inertial_intake import Inertial
+from graphnav.stream.inertial_intake import InertialIntake
 
 
 class ReckonedSpeed:
@@ -24,7 +24,7 @@ class ReckonedSpeed:
         start = setup.alignment.start
         self._setup, self._R, self._v = setup, start.R_nb, start.v_n
 
-    def extend(self, inertial: Inertial, edge: int) -> None:
+    def extend(self, inertial: InertialIntake, edge: int) -> None:
         """Up to an edge, from wherever it was."""
         if self._setup is None or edge <= self._edge:
             return

@@ -7,7 +7,7 @@ import numpy as np
 from graphnav.common.run import Array
 from graphnav.graph.nodes import Schedule
 from graphnav.stream.causal_standstill import CausalStandstill
-from graphnav.stream.inertial_intake import Inertial
+from graphnav.stream.inertial_intake import InertialIntake
 from graphnav.stream.intake import Distance, Sides
 
 
@@ -16,7 +16,7 @@ class Sensors:
     """Inertial samples, running gear and where the vehicle stands."""
 
     standstill: CausalStandstill
-    inertial: Inertial = field(default_factory=Inertial)
+    inertial: InertialIntake = field(default_factory=InertialIntake)
     odometer: Distance = field(default_factory=Distance)
     sides: Sides = field(default_factory=Sides)
 
