@@ -1,4 +1,9 @@
-"""Stamps as they are read: times written as text, and counters of seconds that begin anew."""
+"""Stamps as they are read: times written as text, and counters of seconds that begin anew.
+
+Plain numbers are read like any column, `time` with its unit (`samples`); rows are brought into the
+order of their stamps in `row_order`. When an IMU's samples were taken, as far as late stamps tell,
+is found in `inertial/sample_clock`.
+"""
 
 import numpy as np
 import pyarrow as pa
