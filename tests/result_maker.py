@@ -131,15 +131,23 @@ def _side_tables(
         **one,
         latency_ms=np.full(len(time), 12.0),
     )
+    _odometer(directory, trajectory)
+    _events_and_residuals(directory, time, states, rng)
 
+
+def _odometer(directory: Path, trajectory: pd.DataFrame) -> None:
     v_y, turning = trajectory["v_y"], trajectory["state"].str.startswith("turn")
     pivot = trajectory["state"].str.contains("pivot|large")
     raw = v_y * np.where(turning, 1.12, np.where(trajectory["state"] == "straight_low", 1.42, 1.0))
-    odometer = {"time": time, "raw_speed": raw, "v_x": trajectory["v_x"], "v_y": v_y + 0.02}
+    odometer = {
+        "time": trajectory["time"],
+        "raw_speed": raw,
+        "v_x": trajectory["v_x"],
+        "v_y": v_y + 0.02,
+    }
     frame = pd.DataFrame(odometer)
     frame.loc[pivot, ["v_x", "v_y"]] = np.nan
     frame.to_parquet(directory / "odometer.parquet")
-    _events_and_residuals(directory, time, states, rng)
 
 
 def _events_and_residuals(
