@@ -13,6 +13,10 @@ from runs import VEHICLE, driven, saved
 
 from graphnav.common.errors import InputError
 from graphnav.common.run import Run
+from graphnav.reading import dirty_text
+from graphnav.reading.dialect import dialect_of
+from graphnav.reading.dirty_text import cells_of
+from graphnav.reading.left_out import LeftOut
 from graphnav.reading.read import read_run
 from graphnav.reading.truth import read_truth
 from graphnav.reading.vehicle_file import load_vehicle
@@ -188,6 +192,25 @@ def test_dirty_text_reads_as_the_clean_run(tmp_path: Path, kind: str, seed: int)
     assert_same(clean, again, TO_THE_CLOCKS_RESOLUTION.get(kind, 0.0))
     if kind not in UNTOLD:
         assert set(again.notes) - set(clean.notes)
+
+
+@pytest.mark.parametrize("seed", SEEDS[:1])
+@pytest.mark.parametrize("kind", ["comments", "damaged lines", "ISO times", "None"])
+def test_a_text_taken_apart_block_by_block_reads_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str, seed: int
+) -> None:
+    path = tmp_path / "dirty.csv"
+    path.write_text(str(KINDS[kind](recorded(seed), np.random.default_rng(seed))))
+    (tmp_path / "vehicle.toml").write_text(VEHICLE)
+    whole = read(path)
+    monkeypatch.setattr(dirty_text, "BLOCK", 2000)
+    blocks = read(path)
+    assert_same(whole, blocks)
+    assert blocks.notes == whole.notes
+    dialect = dialect_of(path, path.read_bytes())
+    with path.open() as file:
+        sizes = [len(block.numbers) for block in cells_of(file, dialect, ["time"], "", LeftOut())]
+    assert len(sizes) > 10 and max(sizes) < 100
 
 
 def test_increments_become_rates(tmp_path: Path) -> None:

@@ -1,15 +1,9 @@
 """Result directories: whole or not at all, and nothing foreign is ever replaced."""
 
 import errno
-import os
 import shutil
-import signal
-import subprocess
-import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -22,7 +16,6 @@ from graphnav.result.writing import (
     check_replaceable,
     default_out,
     kept_aside,
-    restore,
     whole_directory,
 )
 
@@ -149,48 +142,6 @@ def test_links_in_a_circle_and_full_disks_are_told(tmp_path: Path) -> None:
     assert not (tmp_path / "out").exists()
 
 
-@pytest.mark.parametrize("at", range(3))
-@pytest.mark.parametrize("swaps", [True, False])
-def test_a_kill_before_any_rename_leaves_old_or_new(tmp_path: Path, at: int, swaps: bool) -> None:
-    out = tmp_path / "out"
-    write(out, text="old")
-    (out / "mine.txt").write_text("keep")
-    pid = os.fork()
-    if pid == 0:
-        _die_before_rename(at, swaps)
-        write(out, text="new")
-        os._exit(0)
-    os.waitpid(pid, 0)
-    if not swaps:
-        restore(out)
-    assert (out / "summary.json").read_text() in ("old", "new")
-    with pytest.raises(ValueError), whole_directory(out):  # a failing run puts right, too
-        assert (out / "summary.json").read_text() in ("old", "new")
-        raise ValueError
-    write(out, text="next")
-    assert (out / "summary.json").read_text() == "next"
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["out", "out_kept"]
-    assert (tmp_path / "out_kept" / "mine.txt").read_text() == "keep"
-
-
-def _die_before_rename(at: int, swaps: bool) -> None:
-    """Kill this process before its `at`-th rename; without the exchange of names where asked."""
-    left = [at]
-
-    def dying(call: Callable[..., Any]) -> Callable[..., Any]:
-        def last(*arguments: Any) -> Any:
-            if not left[0]:
-                os.kill(os.getpid(), signal.SIGKILL)
-            left[0] -= 1
-            return call(*arguments)
-
-        return last
-
-    exchange = replacing.exchange if swaps else lambda *_: False
-    replacing.exchange = dying(exchange) if swaps else exchange
-    os.rename, os.replace = dying(os.rename), dying(os.replace)
-
-
 def test_what_others_left_is_let_alone(tmp_path: Path) -> None:
     out = tmp_path / "out"
     foreign = [tmp_path / ".out.part-elsewhere-1", tmp_path / f".out.old-{replacing.HOST}-1"]
@@ -216,31 +167,6 @@ def test_links_are_followed_not_replaced(tmp_path: Path) -> None:
     write(link, "new")
     assert link.is_symlink()
     assert (real / "new").exists()
-
-
-KILLED = """
-import sys, time
-from pathlib import Path
-from graphnav.result.writing import whole_directory
-with whole_directory(Path(sys.argv[1])) as part:
-    (part / "summary.json").write_text("{}")
-    print("ready", flush=True)
-    time.sleep(60)
-"""
-
-
-def test_a_killed_run_leaves_no_result_and_is_swept_up(tmp_path: Path) -> None:
-    out = tmp_path / "out"
-    root = str(Path(__file__).parents[1])
-    command = [sys.executable, "-c", KILLED, str(out)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, cwd=root, text=True) as process:
-        assert process.stdout is not None
-        assert process.stdout.readline() == "ready\n"
-        process.send_signal(signal.SIGKILL)
-    assert not out.exists()
-    assert all(p.name.startswith(".out.part-") for p in tmp_path.iterdir())
-    write(out)
-    assert [p.name for p in tmp_path.iterdir()] == ["out"]
 
 
 def test_stages_add_up_and_print_nothing_in_a_pipe(capfd: pytest.CaptureFixture[str]) -> None:

@@ -126,10 +126,17 @@ class Place:
         return f"LOST a race: {bad[0].error[:200]!r}" if bad else self.verdict(True)
 
     def verdict(self, stands: bool) -> str:
-        """What is there, and whether the next run is clean. `stands`: without waiting for it."""
-        if stands and not whole(self.out):
+        """What is there, and whether the next run is clean. `stands`: without waiting for it, else
+        for whoever reads the result next.
+        """
+        state = "whole" if self.out.exists() else "whole for the next command"
+        if not stands:
+            copy = self.run.with_name("trajectory.csv")
+            read = forked.start(["export", self.out, "--to", "csv", "--file", copy]).ended()
+            if read.status:
+                return f"LOST to a reader: {read.error[:200]!r}"
+        if not whole(self.out):
             return "LOST the result"
-        state = "whole" if self.out.exists() else "put right by the next"
         failing = forked.start(["smooth", self.run, "--out", self.out, "--lag", "3"]).ended()
         ended = self.smoothed()
         if failing.status != 2 or ended.status not in (0, 3) or not whole(self.out):

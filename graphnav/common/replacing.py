@@ -7,6 +7,7 @@ to another host or a living process is left alone.
 import ctypes
 import os
 import re
+import shutil
 import socket
 import sys
 from collections.abc import Iterator, Sequence
@@ -14,6 +15,8 @@ from contextlib import contextmanager, suppress
 from errno import EBUSY, EEXIST, EINVAL, ENOENT, ENOSYS, ENOTEMPTY, ENOTSUP, EPERM
 from itertools import count
 from pathlib import Path
+
+from graphnav.common.errors import InputError
 
 HOST = re.sub(r"[^A-Za-z0-9_]+", "_", socket.gethostname())[:40] or "host"
 AT_FDCWD, RENAME_EXCHANGE, RENAME_SWAP = -100, 2, 2  # linux/fs.h; sys/stdio.h of macOS
@@ -73,7 +76,7 @@ def _put_by_two(part: Path, out: Path) -> Path:
     out.rename(old)  # onto an empty directory
     try:
         part.rename(out)
-    except OSError:
+    except BaseException:  # Ctrl-C too
         with suppress(OSError):  # another process may have put its own there meanwhile
             old.rename(out)
         raise
@@ -142,14 +145,24 @@ def kept_beside(out: Path, names: Sequence[Path]) -> Path:
     raise AssertionError("unreachable")
 
 
-def keep(old: Path, out: Path, names: Sequence[Path]) -> None:
-    """Move files of `old`, which was `out`, to where they are kept."""
+def clear(old: Path, out: Path, names: Sequence[Path]) -> None:
+    """Remove a directory that was or would have been `out`; its files `names` are kept beside it.
+
+    Raises InputError, and removes nothing, where they cannot be.
+    """
     kept = kept_beside(out, names)
-    for name in names:
-        target = kept / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        with suppress(FileNotFoundError):  # another process kept it
-            (old / name).rename(target)
+    try:
+        for name in names:
+            target = kept / name
+            target.parent.mkdir(parents=True, exist_ok=True)
+            with suppress(FileNotFoundError):  # another process kept it
+                (old / name).rename(target)
+    except OSError as error:
+        raise InputError(
+            f"{out}: {named(names)} of what was there cannot be moved to {kept}: "
+            f"{error.strerror or error}; it lies in {old}: move it, or make room and call again"
+        ) from None
+    shutil.rmtree(old, ignore_errors=True)
 
 
 def named(names: Sequence[Path]) -> str:

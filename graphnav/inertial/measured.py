@@ -7,6 +7,7 @@ import numpy as np
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Imu, Odometer, Run
 from graphnav.inertial.clock_jumps import without_jumps
+from graphnav.inertial.counting_direction import put_forward
 from graphnav.inertial.encoder import failures, without
 from graphnav.inertial.exchanged_axes import Exchange, exchanges, put_back
 from graphnav.inertial.gaps import Mask, bridged
@@ -36,7 +37,8 @@ def measured(run: Run) -> Run:
     seen = np.ones((len(imu.time), 2), bool)
     for fault in found:
         seen[fault.mask, fault.sensor] = False
-    notes = [*_clock_notes(run, clock), *(_note(run, fault) for fault in found)]
+    run, turned = put_forward(run, replace(imu, accel=np.where(seen[:, 1:], imu.accel, 0.0)))
+    notes = [*_clock_notes(run, clock), *(_note(run, fault) for fault in found), *turned]
     whole = all(run.sensed)  # stand-ins know of no exchange
     for exchange in exchanges(imu, run.odometer, seen) if whole else ():
         imu = put_back(imu, exchange)

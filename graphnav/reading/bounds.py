@@ -18,7 +18,6 @@ from graphnav.reading.archive import Unfolding, is_archive
 
 SHARE = 0.8  # of the free memory that a run may take
 PER_BYTE = 1.2  # bytes held of a byte of text while pyarrow reads it
-TAKEN_APART = 3.0  # the same while it is taken apart line by line (2.9 GB of 3e6 rows, 400 MB)
 PER_CELL = 24  # bytes of a number while it is read: pyarrow's, numpy's and the scaled one
 PER_ROW = 400  # bytes of an inertial sample on its way: increments, screening, reckoning
 MOST_KNOWN = 64  # columns graphnav can use, at most
@@ -31,9 +30,9 @@ PER_NODE = {"batch": 47_000, "incremental": 90_000}
 PER_SECOND, PER_WRITTEN = 24_000, 1000
 
 
-def need(size: int, rows: int, columns: int, per_byte: float = PER_BYTE) -> int:
+def need(size: int, rows: int, columns: int) -> int:
     """Bytes of memory that `rows` rows of `size` bytes of text in all will take."""
-    return int(per_byte * size) + rows * (min(columns, MOST_KNOWN) * PER_CELL + PER_ROW)
+    return int(PER_BYTE * size) + rows * (min(columns, MOST_KNOWN) * PER_CELL + PER_ROW)
 
 
 def check_need(
@@ -114,18 +113,18 @@ def _likely(path: Path) -> int:
 
 
 @contextmanager
-def opened(path: Path, columns: int, per_byte: float = PER_BYTE) -> Iterator[Any]:
-    """The text as a stream of bytes; what it will take, `per_byte` of it, is held against free
-    memory: at once, or as an archive unfolds.
+def opened(path: Path, columns: int) -> Iterator[Any]:
+    """The text as a stream of bytes; what it will take is held against free memory: at once, or as
+    an archive unfolds.
     """
     if is_archive(path):
-        with Unfolding(path) as archive, _Counted(archive, path, columns, per_byte) as stream:
+        with Unfolding(path) as archive, _Counted(archive, path, columns) as stream:
             yield stream
     else:
         size = path.stat().st_size
         with path.open("rb") as file:
             rows = int(size * _density(file.read(READ_AT_ONCE)))
-        check_need(path, need(size, rows, columns, per_byte), f"its {size / 1e6:.0f} MB of text")
+        check_need(path, need(size, rows, columns), f"its {size / 1e6:.0f} MB of text")
         with pa.OSFile(os.fsencode(path)) as stream:
             yield stream
 
@@ -138,9 +137,9 @@ def note_of(stream: Any) -> tuple[str, ...]:
 class _Counted(io.RawIOBase):
     """An unfolding archive; InputError once it is more than fits."""
 
-    def __init__(self, archive: Unfolding, path: Path, columns: int, per_byte: float) -> None:
+    def __init__(self, archive: Unfolding, path: Path, columns: int) -> None:
         self.path = path
-        self._archive, self._columns, self._per_byte = archive, columns, per_byte
+        self._archive, self._columns = archive, columns
         self._size = self._rows = self._checked = 0
 
     @property
@@ -159,7 +158,7 @@ class _Counted(io.RawIOBase):
         self._rows += data.count(b"\n")
         if self._size - self._checked > READ_AT_ONCE:
             self._checked = self._size
-            needed = need(self._size, self._rows, self._columns, self._per_byte)
+            needed = need(self._size, self._rows, self._columns)
             check_need(self.path, needed, f"what it unfolds to ({self._size / 1e6:.0f} MB so far)")
         return data
 

@@ -1,16 +1,16 @@
 """Cells that are not all plain numbers, understood as far as they allow, with what to say of it."""
 
-from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass, field
+from collections import defaultdict
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from graphnav.common.errors import InputError
-from graphnav.reading.cell_words import numbers_of
-from graphnav.reading.dialect import MOST_DAMAGED
+from graphnav.reading.cell_words import PLAIN_BLANKS, numbers_of, trimmed
+from graphnav.reading.left_out import NAMED, LeftOut
 from graphnav.reading.stamps import times_of
 
 Array = NDArray[np.float64]
@@ -19,82 +19,100 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True)
 class Cells:
-    """Columns as text, row by row, and what became of the lines that are no rows."""
+    """Some rows' columns as text."""
 
     text: dict[str, pa.Array]  # header -> (N,)
     numbers: NDArray[np.intp]  # (N,) of the rows' lines in the file
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """The columns to be understood, and how."""
+
+    names: tuple[str, ...]  # as numbers
+    words: tuple[str, ...]  # as text
+    clock: str  # of `names`: times as text are understood in it
     decimal: str = "."
-    broken: tuple[tuple[int, str], ...] = ()  # line and what is wrong with it
-    notes: tuple[str, ...] = ()
 
 
-@dataclass
+@dataclass(frozen=True)
 class Understood:
-    """Columns as numbers, and which rows must be left out."""
+    """The whole rows."""
 
-    columns: dict[str, Array]
-    damaged: Mask  # (N,)
-    why: list[tuple[int, str]]  # line and what is wrong, in the order of lines
-    blanks: Counter[str] = field(default_factory=Counter)  # words read as blank
-    said: list[str] = field(default_factory=list)
-
-    def notes(self) -> list[str]:
-        """What was read otherwise than it stands."""
-        found = list(self.said)
-        if self.blanks:
-            words = ", ".join(f"'{word}' ({count})" for word, count in self.blanks.most_common(4))
-            found.append(f"cells that say there is no sample are read as blank: {words}")
-        if self.why:
-            first = "; ".join(f"line {line}: {what}" for line, what in self.why[:2])
-            found.append(
-                f"{len(self.why)} damaged line{'s' * (len(self.why) > 1)} left out, {first}"
-            )
-        return found
+    columns: dict[str, Array]  # (N,)
+    words: dict[str, list[str]]  # N, '' where blank
+    numbers: NDArray[np.intp]  # (N,)
 
 
-def understood(cells: Cells, names: Sequence[str], clock: str) -> Understood:
-    """Columns `names` as numbers; times as text in the column `clock` too."""
-    rows = len(cells.numbers)
-    found = Understood({}, np.zeros(rows, bool), list(cells.broken), said=list(cells.notes))
-    for name in names:
-        values, odd, bad = numbers_of(cells.text[name], cells.decimal)
-        if name == clock and bad.sum() > rows / 2:
-            times = times_of(cells.text[name])
-            if times is not None:
-                values, bad, note = times
-                odd = np.zeros(rows, bool)
-                found.said.append(note)
-        found.columns[name] = values
-        found.blanks.update(word.strip() for word in _at(cells.text[name], odd))
-        fresh = np.flatnonzero(bad & ~found.damaged)
-        found.why += zip(
-            cells.numbers[fresh].tolist(),
-            (f"{name} is '{word[:40]}', not a number" for word in _at(cells.text[name], fresh)),
-            strict=True,
-        )
-        found.damaged |= bad
-    found.why.sort()
-    return found
+def understood(
+    blocks: Iterable[Cells], wanted: Wanted, left_out: LeftOut, where: str, kind: str
+) -> Understood:
+    """The rows of all `blocks` as far as they are whole; the others are counted in `left_out`.
 
-
-def check_damage(where: str, found: Understood, kind: str) -> None:
-    """InputError with the first damaged line when there are more of them than `MOST_DAMAGED`.
-
-    `kind` is how rows are counted: line or row.
+    Block by block, so that text and numbers are never held both. Raises InputError, which names
+    `where` and rows by their `kind` (line, row), when too many are damaged.
     """
-    rows = int((~found.damaged).sum())
-    if len(found.why) <= MOST_DAMAGED * (rows + len(found.why)):
-        return
-    line, what = found.why[0]
-    cure = "leave the cell blank when there is no sample" if "not a number" in what else ""
-    if what.startswith("time "):
-        cure = "a time is a number [s] or ISO 8601, as 2024-05-01T12:00:00.010Z"
-    raise InputError(
-        f"{where}: {kind} {line}: {what} ({len(found.why)} such {kind}s of "
-        f"{rows + len(found.why)}, over {MOST_DAMAGED:.0%})" + (f"; {cure}" if cure else "")
-    )
+    columns: dict[str, list[Array]] = {name: [np.empty(0)] for name in wanted.names}
+    words: defaultdict[str, list[str]] = defaultdict(list)
+    numbers: list[NDArray[np.intp]] = [np.empty(0, np.intp)]
+    rows, written = 0, False
+    for cells in blocks:
+        written = _written(cells, wanted) if not rows else written
+        found, damaged = _numbers(cells, wanted, written, left_out)
+        whole = np.flatnonzero(~damaged)
+        rows += len(whole)
+        left_out.check(where, kind, rows, ended=False)
+        numbers.append(cells.numbers[whole])
+        for name, parts in columns.items():
+            parts.append(found[name][whole])
+        for name in wanted.words:
+            words[name] += _plain(cells.text[name].take(pa.array(whole)))
+    left_out.check(where, kind, rows, ended=True)
+    joined = {name: np.concatenate(columns.pop(name)) for name in wanted.names}
+    return Understood(joined, dict(words), np.concatenate(numbers))
 
 
-def _at(text: pa.Array, where: NDArray[np.generic]) -> list[str]:
-    rows = np.flatnonzero(where) if where.dtype == bool else where
+def _written(cells: Cells, wanted: Wanted) -> bool:
+    """Whether most times are something else than numbers."""
+    if wanted.clock not in wanted.names:
+        return False
+    _, _, bad = numbers_of(cells.text[wanted.clock], wanted.decimal)
+    return bool(bad.sum() > len(bad) / 2)
+
+
+def _numbers(
+    cells: Cells, wanted: Wanted, written: bool, left_out: LeftOut
+) -> tuple[dict[str, Array], Mask]:
+    """Columns of a block as numbers, and which of its rows are damaged."""
+    columns: dict[str, Array] = {}
+    damaged = np.zeros(len(cells.numbers), bool)
+    for name in wanted.names:
+        times = times_of(cells.text[name]) if written and name == wanted.clock else None
+        if times is not None:
+            values, bad, note = times
+            left_out.said += [note] * (note not in left_out.said)
+        else:
+            values, odd, bad = numbers_of(cells.text[name], wanted.decimal)
+            _count_blanks(cells.text[name].filter(pa.array(odd)), left_out)
+        columns[name] = values
+        fresh = np.flatnonzero(bad & ~damaged)
+        if len(fresh):
+            why = (f"{name} is '{word[:40]}', not a number"
+                   for word in _at(cells.text[name], fresh[:NAMED]))  # fmt: skip
+            left_out.damage(len(fresh), zip(cells.numbers[fresh].tolist(), why, strict=False))
+        damaged |= bad
+    return columns, damaged
+
+
+def _count_blanks(words: pa.Array, left_out: LeftOut) -> None:
+    """Words read as blank, into the count of them."""
+    for count in pc.value_counts(trimmed(words)).to_pylist():
+        left_out.blanks[count["values"]] += count["counts"]
+
+
+def _at(text: pa.Array, rows: NDArray[np.intp]) -> list[str]:
     return [word or "" for word in text.take(pa.array(rows)).to_pylist()]
+
+
+def _plain(words: pa.Array) -> list[str]:
+    return ["" if word is None or word in PLAIN_BLANKS else word for word in words.to_pylist()]

@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 from numpy.typing import NDArray
 
-from graphnav.reading.cell_words import DATED, OF_DAY
+from graphnav.reading.cell_words import DATED, OF_DAY, trimmed
 
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
@@ -29,7 +29,7 @@ def times_of(words: pa.Array) -> tuple[Array, Mask, str] | None:
     """
     import pandas as pd
 
-    words = pc.fill_null(pc.utf8_trim_whitespace(words), "")
+    words = pc.fill_null(trimmed(words), "")
     words = pc.replace_substring(words, ",", ".")
     series = pd.Series(words.to_pandas())
     if _share(words, DATED) > 0.5:

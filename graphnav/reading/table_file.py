@@ -5,7 +5,7 @@ where its reader gives up, `dirty_text` takes the lines apart and says what it d
 """
 
 import io
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,10 +17,13 @@ import pyarrow.parquet as pa_parquet
 from numpy.typing import NDArray
 
 from graphnav.common.errors import InputError
-from graphnav.reading import bounds, dirty_cells, dirty_text
+from graphnav.reading import bounds
 from graphnav.reading.archive import Unfolding, is_archive
 from graphnav.reading.cell_words import PLAIN_BLANKS
 from graphnav.reading.dialect import HEAD_BYTES, Dialect, check_columns, dialect_of
+from graphnav.reading.dirty_cells import Cells, Wanted, understood
+from graphnav.reading.dirty_text import cells_of
+from graphnav.reading.left_out import LeftOut
 from graphnav.reading.plain_file import check_file
 
 Array = NDArray[np.float64]
@@ -98,6 +101,7 @@ def read_table(
         columns[name] = np.asarray(table[name].to_numpy(), float)
         table = table.drop_columns([name])
     if any(np.isinf(column).any() for column in columns.values()):
+        columns.clear()  # before as much is read again
         return _read_dirty(file, names, words, clock)
     notes = (*(file.dialect.notes if file.dialect else ()), *said)
     return Table(file, columns, texts, notes)
@@ -145,54 +149,40 @@ def _unique(dialect: Dialect) -> list[str]:
 
 def _read_dirty(file: TableFile, names: Sequence[str], words: Sequence[str], clock: str) -> Table:
     """The second attempt: cell by cell, damaged lines left out and told."""
-    wanted = list(dict.fromkeys([*names, *words]))
+    decimal = file.dialect.decimal if file.dialect else "."
+    wanted = Wanted(tuple(dict.fromkeys(names)), tuple(dict.fromkeys(words)), clock, decimal)
+    left_out, kind = LeftOut(), "line" if file.dialect else "row"
     try:
-        cells = _parquet_cells(file, wanted) if file.dialect is None else _text_cells(file, wanted)
+        blocks = (_text_cells if file.dialect else _parquet_cells)(file, wanted, left_out)
+        found = understood(blocks, wanted, left_out, str(file.path), kind)
     except UNREADABLE as error:
         text = " ".join(str(error).split())
         raise InputError(
             f"{file.path}: cannot be read: {text}; it seems damaged or cut off: copy it anew"
         ) from None
-    found = dirty_cells.understood(cells, names, clock)
-    dirty_cells.check_damage(str(file.path), found, "row" if file.dialect is None else "line")
-    whole = np.flatnonzero(~found.damaged)
-    notes = (*(file.dialect.notes if file.dialect else ()), *found.notes())
-    return Table(
-        replace(file, lines=cells.numbers[whole]),
-        {name: column[whole] for name, column in found.columns.items()},
-        {name: _plain(cells.text[name].take(pa.array(whole))) for name in words},
-        notes,
-    )
+    notes = (*(file.dialect.notes if file.dialect else ()), *left_out.notes())
+    return Table(replace(file, lines=found.numbers), found.columns, found.words, notes)
 
 
-def _parquet_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
+def _parquet_cells(file: TableFile, wanted: Wanted, left_out: LeftOut) -> Iterator[Cells]:
     """Columns of a parquet file as text, whatever their type."""
-    table = pa_parquet.read_table(file.path, columns=list(names))
-    text = {name: table[name].cast(pa.string()).combine_chunks() for name in names}
-    return dirty_cells.Cells(text, np.arange(1, table.num_rows + 1))
+    names, row = [*dict.fromkeys([*wanted.names, *wanted.words])], 1
+    with pa_parquet.ParquetFile(file.path) as opened:
+        for batch in opened.iter_batches(columns=names):
+            text = {name: batch[name].cast(pa.string()) for name in names}
+            yield Cells(text, np.arange(row, row + len(batch)))
+            row += len(batch)
 
 
-def _text_cells(file: TableFile, names: Sequence[str]) -> dirty_cells.Cells:
+def _text_cells(file: TableFile, wanted: Wanted, left_out: LeftOut) -> Iterator[Cells]:
     """Columns of a text as text, line by line."""
     dialect = file.dialect
     assert dialect is not None
-    with bounds.opened(file.path, len(dialect.names), bounds.TAKEN_APART) as stream:
+    names = [*dict.fromkeys([*wanted.names, *wanted.words])]
+    with bounds.opened(file.path, len(dialect.names)) as stream:
         text = io.TextIOWrapper(io.BufferedReader(stream, 1 << 20), dialect.encoding, "replace")
-        lines = dirty_text.lines_of(text, dialect, str(file.path))
-        said = bounds.note_of(stream)
-    wanted = [dialect.names.index(name) for name in names]
-    columns = dirty_text.columns_of(lines, len(dialect.names), wanted)
-    return dirty_cells.Cells(
-        dict(zip(names, columns, strict=True)),
-        np.array(lines.number, np.intp),
-        dialect.decimal,
-        tuple(lines.damaged),
-        (*lines.notes(), *said),
-    )
-
-
-def _plain(words: pa.Array) -> list[str]:
-    return ["" if word is None or word in PLAIN_BLANKS else word for word in words.to_pylist()]
+        yield from cells_of(text, dialect, names, str(file.path), left_out)
+        left_out.said += bounds.note_of(stream)
 
 
 def _kind(path: Path) -> str:

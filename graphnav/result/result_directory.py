@@ -13,6 +13,7 @@ from factors import so3
 from graphnav.common.angles import rotation_of_angles, wrapped
 from graphnav.common.earth import Origin
 from graphnav.common.errors import InputError
+from graphnav.result.writing import restore
 
 if TYPE_CHECKING:
     from pandas import DataFrame
@@ -173,11 +174,12 @@ def errors_against_truth(results: Results) -> "DataFrame | None":
 
 
 def load(directory: Path) -> Results:
-    """Read a result directory.
+    """Read a result directory; one that a killed run left under another name is put back first.
 
     Raises InputError when the directory, or one of the four files every result has, is missing or
     is not what graphnav writes.
     """
+    restore(directory)
     if not directory.is_dir():
         raise InputError(
             f"{directory}: no such directory; give the directory `graphnav smooth` wrote"

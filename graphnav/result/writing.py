@@ -7,7 +7,7 @@ is kept in a directory beside it.
 import hashlib
 import json
 import os
-import shutil
+import re
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -18,6 +18,7 @@ from graphnav.common import replacing
 from graphnav.common.errors import InputError
 
 MARKER = ".graphnav"
+OWN_MARKER = re.compile(r"\.graphnav(\.\d+)?")  # and what a kill leaves of one
 # made from a result by versions that did not list them: no loss when replaced
 DERIVED = ("run.rrd", "report.html", "validation.json")
 DIGEST = 16  # bytes
@@ -86,7 +87,7 @@ def whole_directory(out: Path) -> Iterator[Path]:
             _mark(part, {})
             _replace(part, out)
     finally:
-        shutil.rmtree(part, ignore_errors=True)
+        _clear(part, out)  # what was written, or what stood there before: the two are exchanged
 
 
 def kept_aside(out: Path) -> list[str]:
@@ -115,6 +116,7 @@ def keep_in_result(result: Path, name: str, run_path: Path, text: str) -> Path:
 
     Aside first and then renamed; the path written.
     """
+    restore(result)
     path = result / name
     if not (result / MARKER).is_file():
         path = run_path.parent / f"{run_path.name.split('.')[0]}_{name}"
@@ -185,8 +187,7 @@ def _recover(out: Path) -> None:
 
 def _clear(old: Path, out: Path) -> None:
     """Remove a directory that was or would have been `out`, but for what is not graphnav's."""
-    replacing.keep(old, out, _foreign(old))
-    shutil.rmtree(old, ignore_errors=True)
+    replacing.clear(old, out, _foreign(old))
 
 
 def _foreign(directory: Path) -> list[Path]:
@@ -218,7 +219,7 @@ def _is_whole(directory: Path) -> bool:
 
 def _results(directory: Path) -> list[Path]:
     """All files but the marker."""
-    return [name for name in replacing.files(directory) if not str(name).startswith(MARKER)]
+    return [name for name in replacing.files(directory) if not OWN_MARKER.fullmatch(str(name))]
 
 
 def _mark(directory: Path, listed: Mapping[str, Any]) -> None:

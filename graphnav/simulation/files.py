@@ -43,7 +43,7 @@ def write(recording: Recording, out: Path) -> Path:
     except OSError as error:
         raise _unwritable(out, error) from None
     finally:
-        shutil.rmtree(fresh, ignore_errors=True)
+        replacing.clear(fresh, out, _foreign(fresh))  # what was written, or what stood there before
     return out
 
 
@@ -66,8 +66,9 @@ def _clear(old: Path, out: Path) -> None:
         if not out.exists():  # a kill between two renames
             old.rename(out)
             return
-        replacing.keep(old, out, _foreign(old))
-    shutil.rmtree(old, ignore_errors=True)
+        replacing.clear(old, out, _foreign(old))
+    else:
+        shutil.rmtree(old, ignore_errors=True)
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:
