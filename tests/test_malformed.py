@@ -163,6 +163,8 @@ def test_positions_in_another_unit(tmp_path: Path) -> None:
         (",".join(f"c{i}" for i in range(5000)).encode(), "5000 columns"),
         (b"time,gyro_x,gyro_x\n1,2,3\n", "occurs twice"),
         (bytes(range(256)), "cannot be read"),
+        (b"\n0.01,0,0\n0.02,0,0\n", "line 2 holds numbers where the columns' names"),
+        (b'time,"' + b"x" * 140_000 + b'",gyro_y\n1,2,3\n', "1 rows under the header"),
     ],
 )
 def test_files_that_are_no_runs(tmp_path: Path, content: bytes, part: str) -> None:

@@ -6,6 +6,7 @@ Told from the file's first bytes alone; what can be read in two ways is refused,
 import csv
 import re
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,7 +44,8 @@ class Dialect:
         if self.separator == " ":
             return line.split()
         if '"' in line:
-            return [c.strip() for c in next(csv.reader([line], delimiter=self.separator), [])]
+            with suppress(csv.Error):  # a quote that is never closed
+                return [c.strip() for c in next(csv.reader([line], delimiter=self.separator), [])]
         return [cell.strip() for cell in line.split(self.separator)]
 
 
@@ -122,10 +124,15 @@ def _header_line(path: Path, lines: Sequence[str]) -> int:
     if CONTROL.search(lines[at]):
         raise InputError(f"{path}: cannot be read as text: its first line holds control characters")
     cells = re.split(r"[,;\t| ]+", lines[at].strip())
-    if at and all(is_number(c) or is_blank(c) or is_time(c) for c in cells):
-        above = next(i for i in range(at - 1, -1, -1) if lines[i].strip())
-        if len(re.split(r"[,;\t| ]+", _uncommented(lines[above]))) > 1:
+    if all(is_number(c) or is_blank(c) or is_time(c) for c in cells):
+        above = next((i for i in range(at - 1, -1, -1) if lines[i].strip()), None)
+        if above is not None and len(re.split(r"[,;\t| ]+", _uncommented(lines[above]))) > 1:
             return above
+        if not all(c.isdigit() for c in cells):  # a program may name columns by their number
+            raise InputError(
+                f"{path}: line {at + 1} holds numbers where the columns' names are to be; write a "
+                "line with them above it"
+            )
     return at
 
 
