@@ -2,6 +2,8 @@
 
 import gzip
 import json
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -196,3 +198,9 @@ def test_what_does_not_settle_is_named_with_span_and_cure() -> None:
     text = worst([small, large], [np.ones((100, 2))] * 2)
     assert "the fixes (gnss, n): largest disagreement from 40.0 to 49.0 s" in text
     assert "--outage" in text
+
+
+@pytest.mark.parametrize("closed", ["2>&-", ">&- 2>&- <&-"])
+def test_closed_streams_are_no_failure(tmp_path: Path, closed: str) -> None:
+    command = f"'{sys.executable}' -m graphnav check '{saved(driven(20), tmp_path)}' {closed}"
+    assert subprocess.run(["sh", "-c", command], stdout=subprocess.DEVNULL).returncode == 0

@@ -1,6 +1,7 @@
 """Result directories: whole or not at all, and nothing foreign is ever replaced."""
 
 import errno
+import os
 import shutil
 import time
 from pathlib import Path
@@ -16,6 +17,7 @@ from graphnav.result.writing import (
     check_replaceable,
     default_out,
     kept_aside,
+    own_files,
     whole_directory,
 )
 
@@ -140,6 +142,39 @@ def test_links_in_a_circle_and_full_disks_are_told(tmp_path: Path) -> None:
     with full, whole_directory(tmp_path / "out"):
         raise OSError(errno.ENOSPC, "No space left on device")
     assert not (tmp_path / "out").exists()
+
+
+def test_where_no_result_can_be_put_is_told_before_the_work(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(InputError, match="name too long"):
+        check_replaceable(tmp_path / ("x" * 250))  # short enough, but not for what it is made from
+    (tmp_path / "out").mkdir()
+    with monkeypatch.context() as patched, pytest.raises(InputError, match="is a mount"):
+        patched.setattr(Path, "is_mount", lambda _: True)
+        check_replaceable(tmp_path / "out")
+    with monkeypatch.context() as patched, pytest.raises(InputError, match="may not be written"):
+        patched.setattr(os, "access", lambda *_: False)
+        check_replaceable(tmp_path / "out")
+
+
+def test_a_file_that_cannot_be_written_is_named(tmp_path: Path) -> None:
+    full = pytest.raises(InputError, match=r"a\.kml: cannot be written: No space left")
+    with full, replacing.whole(tmp_path / "a.kml"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+
+def test_a_file_changed_since_is_named_where_it_breaks_what_reads_it(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out)
+    with pytest.raises(KeyError), own_files(out):  # graphnav's own fault
+        raise KeyError
+    (out / "summary.json").write_text("[]")
+    with pytest.raises(InputError, match=r"summary\.json: was changed since"), own_files(out):
+        raise KeyError
+    (out / MARKER).write_text('{"files": {"summary.json": {}}}')
+    with pytest.raises(InputError, match="did not write"):
+        check_replaceable(out)
 
 
 def test_what_others_left_is_let_alone(tmp_path: Path) -> None:

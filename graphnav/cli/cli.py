@@ -218,18 +218,22 @@ cli.add_command(simulate)
 @result
 def show(directory: Path) -> None:
     """Open run.rrd of RESULT in the rerun viewer."""
+    from graphnav.result.writing import own_files
     from graphnav.views.show import open_viewer
 
-    click.echo(open_viewer(directory))
+    with own_files(directory):
+        click.echo(open_viewer(directory))
 
 
 @cli.command(short_help="Make run.rrd of a result anew.")
 @result
 def rrd(directory: Path) -> None:
     """Make run.rrd of RESULT anew."""
+    from graphnav.result.writing import own_files
     from graphnav.views.show import rebuild
 
-    click.echo(f"wrote {rebuild(directory)}")
+    with own_files(directory):
+        click.echo(f"wrote {rebuild(directory)}")
 
 
 @cli.command(short_help="Make report.html of a result anew.")
@@ -237,10 +241,11 @@ def rrd(directory: Path) -> None:
 def report(directory: Path) -> None:
     """Make report.html of RESULT anew."""
     from graphnav.result import result_directory as results
-    from graphnav.result.writing import adopt
+    from graphnav.result.writing import adopt, own_files
     from graphnav.views import report as one_page
 
-    one_page.write(results.load(directory), directory / "report.html")
+    with own_files(directory):
+        one_page.write(results.load(directory), directory / "report.html")
     adopt(directory, directory / "report.html")
     click.echo(f"wrote {directory / 'report.html'}")
 
@@ -267,12 +272,13 @@ def export(
     """
     from graphnav import export as exports
     from graphnav.result import result_directory as results
-    from graphnav.result.writing import adopt
+    from graphnav.result.writing import adopt, own_files
 
-    loaded = results.load(directory)
-    file = file or directory / "export" / f"trajectory{exports.SUFFIX[form]}"
-    file.parent.mkdir(parents=True, exist_ok=True)
-    exports.write(loaded, form, file, at)
+    with own_files(directory):
+        loaded = results.load(directory)
+        file = file or directory / "export" / f"trajectory{exports.SUFFIX[form]}"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        exports.write(loaded, form, file, at)
     adopt(directory, file)
     click.echo(f"wrote {file}")
 

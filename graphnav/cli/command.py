@@ -116,6 +116,7 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
     debug = bool(os.environ.get("GRAPHNAV_DEBUG"))
     if not debug:
         warnings.simplefilter("ignore")
+    _open_streams()
     heard = _heard_signals()
     try:
         with command.make_context("graphnav", list(args)) as context:
@@ -134,7 +135,7 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
     except OSError as error:
         if debug:
             raise
-        return _say(f"{error.filename or 'file'}: {error.strerror or error}", 2)
+        return _say(f"{error.filename or 'what was printed'}: {error.strerror or error}", 2)
     except MemoryError:
         return _say(OUT_OF_MEMORY, 1)
     except Exception as error:
@@ -147,6 +148,15 @@ def report_failures(command: click.Command, args: Sequence[str]) -> int:
             return _say(UNDETERMINED, 1)
         return _say(f"unexpected {kind}: {error} (GRAPHNAV_DEBUG=1 shows where)", 1)
     return 0
+
+
+def _open_streams() -> None:
+    """Standard streams that the caller closed lead nowhere; else the next file would be one."""
+    while (number := os.open(os.devnull, os.O_RDWR)) <= 2:
+        pass
+    os.close(number)
+    sys.stdout = sys.stdout or open(os.devnull, "w")  # noqa: SIM115
+    sys.stderr = sys.stderr or open(os.devnull, "w")  # noqa: SIM115
 
 
 def _heard_signals() -> list[int]:

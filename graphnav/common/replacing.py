@@ -27,13 +27,22 @@ TRIES = 50
 
 @contextmanager
 def whole(path: Path) -> Iterator[Path]:
-    """A file to be written in the place of `path`, which it takes only when it is done."""
+    """A file to be written in the place of `path`, which it takes only when it is done.
+
+    Raises InputError where it cannot be written.
+    """
     part = path.with_name(f".{path.name}.{os.getpid()}")
     try:
         yield part
         part.replace(path)
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written: {error.strerror or error}; make room or choose another "
+            "place"
+        ) from None
     finally:
-        part.unlink(missing_ok=True)
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
 
 
 def made_aside(out: Path, what: str) -> Path:
@@ -43,6 +52,11 @@ def made_aside(out: Path, what: str) -> Path:
             path.mkdir()
             return path
     raise AssertionError("unreachable")
+
+
+def aside(out: Path, what: str) -> Path:
+    """The first name `made_aside` will try."""
+    return next(_names(out, what))
 
 
 def _names(out: Path, what: str) -> Iterator[Path]:

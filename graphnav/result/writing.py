@@ -15,7 +15,7 @@ from typing import Any
 
 from graphnav import __version__
 from graphnav.common import replacing
-from graphnav.common.errors import InputError
+from graphnav.common.errors import GraphnavError, InputError
 
 MARKER = ".graphnav"
 OWN_MARKER = re.compile(r"\.graphnav(\.\d+)?")  # and what a kill leaves of one
@@ -36,9 +36,15 @@ def check_replaceable(out: Path, inputs: tuple[Path | None, ...] = ()) -> None:
     To be called before the work begins, so that nobody waits for a refusal.
     """
     out = _resolved(out)
+    _there(replacing.aside(out, "part"))  # its name is the longer one
+    _check_makeable(out)
     if not _there(out):
-        _check_makeable(out)
         return
+    if out.is_mount():
+        raise InputError(
+            f"{out}: is a mount, which no result can take the place of; give a directory in it as "
+            f"--out ({out / 'result'})"
+        )
     if not out.is_dir():
         raise InputError(f"{out}: is a file, not a directory; give another --out")
     for path in inputs:
@@ -65,7 +71,7 @@ def _check_makeable(out: Path) -> None:
     if not above.is_dir():
         raise InputError(f"{out}: cannot be made, {above} is a file; give another --out")
     if not os.access(above, os.W_OK | os.X_OK):
-        raise InputError(f"{out}: may not be made in {above}; give another --out")
+        raise InputError(f"{out}: may not be written in {above}; give another --out")
 
 
 @contextmanager
@@ -124,6 +130,25 @@ def keep_in_result(result: Path, name: str, run_path: Path, text: str) -> Path:
         part.write_text(text, encoding="utf-8")
     adopt(result, path)
     return path
+
+
+@contextmanager
+def own_files(directory: Path) -> Iterator[None]:
+    """What fails on files of a result that were changed since graphnav wrote them, as an InputError
+    that names the first.
+    """
+    try:
+        yield
+    except (GraphnavError, OSError, MemoryError):
+        raise
+    except Exception as error:
+        names = [name for name in _foreign(directory) if str(name) in (_listed(directory) or {})]
+        if not names:
+            raise
+        raise InputError(
+            f"{directory / names[0]}: was changed since graphnav wrote it, and is no longer what "
+            f"it was ({error}); run `graphnav smooth` again"
+        ) from error
 
 
 @contextmanager
@@ -243,6 +268,9 @@ def _listed(directory: Path) -> dict[str, Any] | None:
     try:
         content = json.loads((directory / MARKER).read_text(encoding="utf-8"))
         files = content["files"]
-        return dict(files) if isinstance(files, dict) else dict.fromkeys([*files, *DERIVED])
-    except (OSError, ValueError, KeyError, TypeError):
+        if not isinstance(files, dict):
+            return dict.fromkeys([*map(str, files), *DERIVED])
+        sound = all(each is None or len(list(each)) == 3 for each in files.values())
+        return dict(files) if sound else None
+    except (OSError, ValueError, KeyError, TypeError, RecursionError):
         return None

@@ -5,6 +5,7 @@ show (`entry.SERIES_LIMIT`, `entry.STRIP_LIMIT`); Parquet keeps the full record.
 ENU metres, since rerun stores them in single precision.
 """
 
+import os
 import re
 from pathlib import Path
 
@@ -30,8 +31,10 @@ def application_id(results: Results) -> str:
 def write(results: Results, path: Path) -> None:
     """Write the recording; `path` is never half a file.
 
-    Raises SolutionError when rerun writes nothing (environment variable RERUN=off).
+    Raises SolutionError when rerun writes nothing (environment variable RERUN=off), InputError when
+    the disk is full.
     """
+    os.environ.setdefault("RUST_LOG", "error")  # what is told is told in one line
     import rerun as rr
 
     content = entries(results)
@@ -39,8 +42,11 @@ def write(results: Results, path: Path) -> None:
     recording = rr.RecordingStream(name, recording_id=name, send_properties=False)
     recording.set_log_time_enabled(False)
     with whole(path) as part:
-        with recording:
-            recording.save(part, default_blueprint=layout(results, content))
-            send(recording, content)
+        try:
+            with recording:
+                recording.save(part, default_blueprint=layout(results, content))
+                send(recording, content)
+        except RuntimeError as error:
+            raise OSError(str(error)) from None
         if not part.exists():
             raise SolutionError(f"{path}: rerun wrote nothing; unset the variable RERUN and repeat")
