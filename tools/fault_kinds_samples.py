@@ -18,7 +18,7 @@ def _spiked(drive: Drive, column: str, size: float, count: int, length: int) -> 
         drive.table.loc[row : row + length - 1, column] += size * drive.rng.choice([-1, 1])
 
 
-for sensor, sizes in (("gyro", (0.5, 10.0)), ("accel", (20.0, 981.0))):
+for sensor, sizes in (("gyro", (0.02, 0.1, 0.5, 10.0)), ("accel", (1.0, 4.0, 20.0, 981.0))):
     for axis in "xyz":
         for size in sizes:
             spike = partial(_spiked, column=f"{sensor}_{axis}", size=size, count=1, length=1)
