@@ -35,6 +35,22 @@ def test_axes_that_stand_are_left_alone(spins: bool) -> None:
         assert exchanges(imu, odometer, seen(imu)) == []
 
 
+@pytest.mark.parametrize("bias_deg_s", [-4.0, 4.0])
+def test_a_bias_of_the_gyro_is_no_exchange(bias_deg_s: float) -> None:
+    """Straight on it reads like a steady turn, and slow braking like what would push to the side
+    in it, were sideways and forward exchanged.
+    """
+    t = np.arange(1, 300 * RATE + 1) / RATE
+    speed = np.interp(t, [0, 60, 120, 240, 300], [0, 25, 25, 8, 25])
+    rng = np.random.default_rng(1)
+    gained = np.gradient(speed, t)
+    accel = rng.normal(0, 0.3, (len(t), 3)) + np.stack([0 * t, gained, 9.8 + 0 * t], -1)
+    gyro = rng.normal(0, 0.01, (len(t), 3)) + np.deg2rad(bias_deg_s)
+    imu = Imu(t, np.full(len(t), 1 / RATE), gyro, accel)
+    odometer = Odometer(t, np.cumsum(speed) / RATE, speed, 0.0)
+    assert exchanges(imu, odometer, seen(imu)) == []
+
+
 @pytest.mark.parametrize(
     ("sensor", "axes"), [(0, "x and z"), (0, "y and z"), (1, "x and z"), (1, "y and z")]
 )

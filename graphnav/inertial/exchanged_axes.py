@@ -20,6 +20,7 @@ SLOT_S = 2.0  # over which turns and gravity are averaged
 FEWEST = 16  # slots
 TILT = 0.2  # rad, one sigma of what brakes and hills make a slot's tilt look like
 PUSH = 0.3  # m/s^2, one sigma of what bumps and banks add to a slot's sideways or forward force
+FAST = 3.0  # m/s: a bias of 1 deg/s pushes by 0.05 m/s^2
 MOST = 25.0  # of evidence, from one slot
 DECIDES, EARLIER = 50.0, 10.0  # evidence against the axes as they stand, and before that for them
 FELL = 1.0  # rad: gravity never goes so far between neighbouring slots, unless the vehicle falls
@@ -127,6 +128,7 @@ class _Slots:
             later, earlier = (speed_at(odometer, middle + d * SLOT_S / 2) for d in (1, -1))
             gained = (later - earlier) / SLOT_S
         up = force / np.where(size > 0, size, 1.0)
+        rate[:, 2] -= _offset(rate[:, 2], force[:, 0], speed)
         return cls(slot, rate * SLOT_S, force, up, speed, gained)
 
     def turns_contradict(self, order: list[int]) -> Array:
@@ -172,6 +174,16 @@ class _Slots:
         high = end + int(after[0]) if len(after) else len(stands)
         sure = (self.slot > sure_slots[0]) & (self.slot < (sure_slots[-1] if len(after) else high))
         return Exchange(sensor, axes, sure, ~sure & (self.slot >= low) & (self.slot <= high))
+
+
+def _offset(yaw_rate: Array, sideways: Array, speed: Array) -> float:
+    """Rate (rad/s) by which the turns (K,) differ from what pushes to the side nearly all along:
+    the gyro's bias, however large, and what the road falls to one side.
+    """
+    fast = np.abs(speed) > FAST
+    if fast.sum() < FEWEST:
+        return 0.0
+    return float(np.median(yaw_rate[fast] + sideways[fast] / speed[fast]))
 
 
 def _span(gain: Array) -> tuple[int, int]:
