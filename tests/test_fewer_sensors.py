@@ -11,7 +11,7 @@ from factors import so3
 from graphnav.batch.smoother import position_variances, smooth_batch
 from graphnav.common.errors import InputError
 from graphnav.common.run import Array, Run
-from graphnav.graph.inertial_noise import inertial_noise
+from graphnav.graph.inertial_noise import MISSED, inertial_noise
 from graphnav.graph.preparation import Prepared, prepare
 from graphnav.inertial.level_force import felt_when_level
 from graphnav.inertial.measured import measured
@@ -109,6 +109,19 @@ def test_what_was_not_recorded_has_no_say_and_no_noise(tmp_path: Path, axis: int
     held = {0: [1, 3], 1: [0, 4], 2: [5]}[axis]
     np.testing.assert_array_equal(np.flatnonzero(~learnt), held)
     assert (parts.sigma[:, 3 + axis] > 100).all()
+
+
+def test_what_a_stand_in_misses_leaks_into_other_axes_in_bends(tmp_path: Path) -> None:
+    """As far as an interval turns about the third axis: 0.3 rad/s over a second, to and fro."""
+    prep = prepared(saved(driven().drop(columns="accel_y"), tmp_path))
+    nodes = np.arange(0, len(prep.sensed.inc.edge), 16)
+    none = np.zeros(0, np.int64)
+    fixed = inertial_noise(prep.sensed, nodes, none, prep.setup.noise, {}).fixed
+    leaked = np.sqrt(fixed[:, 3:])
+    turned = np.abs(np.add.reduceat(prep.sensed.inc.rotation, nodes[:-1])[:, 2])
+    np.testing.assert_allclose(leaked[:, 0], MISSED * turned / np.sqrt(3))
+    assert leaked[:, 0].max() > 0.05
+    assert leaked[:, 2].max() < 1e-3
 
 
 def test_a_stream_without_accelerometers_is_refused(tmp_path: Path) -> None:
