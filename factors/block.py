@@ -11,6 +11,7 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 ROTATION, VELOCITY, POSITION, PHASE = slice(0, 3), slice(3, 6), slice(6, 9), slice(9, 10)
+MOTION = slice(0, 9)  # rotation, velocity and position together
 NODE_DIM = 10
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from factors import kinds, so3
+from factors.block import MOTION
 from factors.calibration import LEVER, MOUNTING, SCALE, forward_of, lateral_of
 from factors.preintegration import InertialNoise, preintegrate
 from graphnav.batch import gears
@@ -40,7 +41,7 @@ def finish(smoothed: Smoothed, recorded: Run, rate_hz: float = 1 / GRID_S) -> So
         R_bm=R_bm,
         node_time=problem.nodes.time,
         imu_late=imu_late(found),
-        node_covariance=smoothed.covariances.nodes[:, :9, :9],
+        node_covariance=smoothed.covariances.nodes[:, MOTION, MOTION],
         timeline=smoothed.timeline.covering(
             float(prep.sensed.inc.edge[0]), float(prep.sensed.inc.edge[-1])
         ),

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import expit
 
 from factors import kinds, so3
-from factors.block import Block, Term
+from factors.block import MOTION, Block, Term
 from factors.calibration import Layout, forward_of, lateral_of
 from factors.estimate import Estimate
 from factors.weights import Robust
@@ -139,7 +139,7 @@ def widened(found: Covariances, unclear: tuple[Unclear, ...]) -> Covariances:
     nodes = found.nodes.copy()
     for one in unclear:
         d = one.moved
-        nodes[:, :9, :9] += one.probability * d[:, :, None] * d[:, None, :]
+        nodes[:, MOTION, MOTION] += one.probability * d[:, :, None] * d[:, None, :]
     return replace(found, nodes=nodes)
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from factors import kinds, so3
+from factors.block import POSITION, ROTATION, VELOCITY
 from graphnav.common.angles import angles_of_rotation
 from graphnav.common.run import Array
 from graphnav.result.solved import Solved, row_weights
@@ -29,7 +30,7 @@ def deviations(covariance: Array, R_nb: Array) -> Deviations:
     its level right axis and the vertical.
     """
     variance = np.einsum("nii->ni", covariance)
-    theta_n = R_nb @ covariance[:, :3, :3] @ so3.transpose(R_nb)
+    theta_n = R_nb @ covariance[:, ROTATION, ROTATION] @ so3.transpose(R_nb)
     forward = R_nb[:, :2, 1] / np.linalg.norm(R_nb[:, :2, 1], axis=1, keepdims=True)
     zero, one = np.zeros(len(forward)), np.ones(len(forward))
     f_n = np.stack([forward[:, 0], forward[:, 1], zero], -1)
@@ -37,10 +38,10 @@ def deviations(covariance: Array, R_nb: Array) -> Deviations:
     up_n = np.stack([zero, zero, one], -1)
     axes = np.stack([f_n, r_n, up_n], 1)
     angle = np.einsum("nai,nij,naj->na", axes, theta_n, axes)
-    east_north = covariance[:, 6, 7] / np.sqrt(variance[:, 6] * variance[:, 7])
-    return Deviations(
-        np.sqrt(variance[:, 6:9]), np.sqrt(variance[:, 3:6]), np.sqrt(angle), east_north
-    )
+    position, velocity = np.sqrt(variance[:, POSITION]), np.sqrt(variance[:, VELOCITY])
+    place = covariance[:, POSITION, POSITION]
+    east_north = place[:, 0, 1] / np.sqrt(place[:, 0, 0] * place[:, 1, 1])
+    return Deviations(position, velocity, np.sqrt(angle), east_north)
 
 
 def table(solved: Solved, rate_hz: float) -> dict[str, Array]:

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from factors.block import POSITION
 from graphnav.common.angles import angles_of_rotation
 from graphnav.common.earth import Origin
 from graphnav.common.run import Array
@@ -35,4 +36,4 @@ class CausalEstimate:
     @property
     def sd_enu(self) -> Array:
         """(3,) m"""
-        return np.sqrt(np.diag(self.covariance)[6:9])
+        return np.sqrt(np.diag(self.covariance)[POSITION])

@@ -14,7 +14,7 @@ import gtsam
 import numpy as np
 
 from factors import kinds, so3
-from factors.block import NODE_DIM, POSITION, ROTATION, VELOCITY, Block
+from factors.block import MOTION, NODE_DIM, POSITION, ROTATION, VELOCITY, Block
 from factors.calibration import GYRO_BIAS, walk
 from factors.calibration import prior as calibration_prior
 from factors.estimate import Estimate
@@ -135,7 +135,7 @@ class IncrementalGraph:
 
     def _state_of(self, i: int, x: Array, P: Array) -> tuple[Array, Array, Array, Array]:
         R = self._R.rows[i] @ so3.exp(x[ROTATION])
-        return R, self._v.rows[i] + x[VELOCITY], self._p.rows[i] + x[POSITION], P[:9, :9]
+        return R, self._v.rows[i] + x[VELOCITY], self._p.rows[i] + x[POSITION], P[MOTION, MOTION]
 
     def window(self) -> Window:
         """The newest node alone, or those of the last seconds when a sweep is due."""

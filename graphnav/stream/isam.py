@@ -79,12 +79,12 @@ class Tree:
             graph = self._graph(first, oldest)
             _, left = graph.eliminatePartialSequential(order, gtsam.EliminateQR)
             self._prior = [left.at(k) for k in range(left.size()) if left.at(k) is not None]
-            begins = [segment]
+            begins, since = [segment], segment + 1
         else:
-            segment, begins = -1, []
+            begins, since = [], 0
         self._first, self._tree = oldest, _empty()
         intervals = range(oldest, len(self._factors))
-        newer = range(segment + 1, len(self._ties))
+        newer = range(since, len(self._ties))
         ties = [tie for k in newer for tie in self._ties[k]]
         x = [self._x + k for k in range(oldest, len(self._factors) + 1)]
         c = [self._c + k for k in (*begins, *newer)]
