@@ -39,6 +39,8 @@ def test_every_room_says_what_comes_in_and_goes_out() -> None:
     for room in sorted(f.parent for f in (ROOT / "graphnav").glob("*/__init__.py")):
         said = ast.get_docstring(ast.parse((room / "__init__.py").read_text(encoding="utf-8")))
         assert said, room
+        for part in ("In: ", "Out: ", "Not here: "):
+            assert part in said, (room, part)
 
 
 def test_the_drawn_rooms_are_there_and_arrows_join_rooms_that_may_import() -> None:

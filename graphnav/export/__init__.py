@@ -1,6 +1,9 @@
 """Trajectories for other tools: Google Earth, GIS, GPS tools, evo, spreadsheets, mapping software.
 
 Every format can be told at the IMU or at a point fixed to the vehicle (lever arm in the b frame).
+
+In: a result directory. Out: one file of another format, whole.
+Not here: formats that are read; a result is never made from them.
 """
 
 import difflib

@@ -5,6 +5,9 @@ A scenario is a plan of legs (`tracked`, `wheeled`, `skid`), driven over uneven 
 (`grades`, `imu`, `vibration`, `recording`, `gnss`), stamped and lost (`stamps`) and written
 (`files`). What the `field-*` scenarios add is in `field`. A new scenario is one more line in
 `DRIVES` or `SCENARIOS`.
+
+In: a scenario and a seed. Out: run, vehicle file and truth, as files.
+Not here: the smoother's equations; what is tested by them must not be made by them.
 """
 
 from collections.abc import Callable
