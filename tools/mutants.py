@@ -62,11 +62,7 @@ MUTANTS = [
             "J_c[self.on, :, self.column] +=",
             "J_c[self.on, :, self.column] -=",
         ),
-        (
-            "odometer's units by the scale",
-            "+= by_gain / gain.scale[:, None]",
-            "+= by_gain / gain.value[:, None]",
-        ),
+        ("units by the scale", "by_gain / gain.scale[:, None]", "by_gain / gain.value[:, None]"),
         ("sign of the odometer's units", "by_gain, J_c = -r", "by_gain, J_c = r"),
     ),
     *_of(
@@ -94,12 +90,14 @@ MUTANTS = [
         "factors/velocity.py",
         "motion_truth factors",
         ("lateral sign of velocity", "lateral = -model.lateral", "lateral = model.lateral"),
-        (
-            "delay sign of the velocity's change",
-            "speed + (c[:, delay] - reading.delay)",
-            "speed - (c[:, delay] - reading.delay)",
-        ),
+        ("delay sign of the speed's change", "speed + (c[:, delay]", "speed - (c[:, delay]"),
         ("lever sign of velocity", "v_b + so3.cross(rate_b", "v_b - so3.cross(rate_b"),
+    ),
+    *_of(
+        "factors/side_slope.py",
+        "side_slope factors",
+        ("side slope's sign", "r[:, 0] -= slides", "r[:, 0] += slides"),
+        ("side slope by the attitude", "J_x[:, 0, ROTATION] -=", "J_x[:, 0, ROTATION] +="),
     ),
     *_of(
         "factors/track_width.py",
