@@ -173,6 +173,35 @@ def test_files_that_are_no_runs(tmp_path: Path, content: bytes, part: str) -> No
     assert part in complaint(path)
 
 
+@pytest.mark.parametrize("name", ["run.csv", "run.csv.gz", "run.parquet"])
+def test_files_of_another_kind_than_their_name(tmp_path: Path, name: str) -> None:
+    table = driven(2)
+    saved(table, tmp_path)
+    parquet, path = tmp_path / "a.parquet", tmp_path / name
+    table.to_parquet(parquet)
+    contents = {".csv": parquet.read_bytes(), ".gz": gzip.compress(parquet.read_bytes()),
+                ".parquet": b"time,gyro_x\n1,2\n"}  # fmt: skip
+    path.write_bytes(contents[path.suffix])
+    assert "whatever its name says" in complaint(path)
+
+
+def test_parquet_columns_that_are_no_plain_numbers(tmp_path: Path) -> None:
+    table, path = driven(2), tmp_path / "run.parquet"
+    clean = read(saved(table, tmp_path))
+    table.assign(gyro_x=[[1.0]] * len(table)).to_parquet(path)
+    assert "'gyro_x' holds list<element: double>" in complaint(path)
+    table.assign(time=pd.to_timedelta(table["time"], unit="s").dt.round("us")).to_parquet(path)
+    for dirty in (False, True):
+        if dirty:
+            words = table.drop(columns="odo_speed").assign(odo_speed="None")
+            durations = pd.to_timedelta(table["time"], unit="s").dt.round("us")
+            words.assign(time=durations).to_parquet(path)
+        run = read(path)
+        assert run.imu is not None and clean.imu is not None
+        np.testing.assert_allclose(run.imu.time, clean.imu.time, rtol=0, atol=1e-9)
+        assert any("read as seconds" in note for note in run.notes)
+
+
 def test_a_header_alone(tmp_path: Path) -> None:
     path = saved(driven(2).iloc[:0], tmp_path)
     assert "no rows under the header" in complaint(path)

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pyarrow as pa
+import pyarrow.compute as pc
 import pyarrow.csv as pa_csv
 import pyarrow.parquet as pa_parquet
 from numpy.typing import NDArray
@@ -24,7 +25,7 @@ from graphnav.reading.dialect import HEAD_BYTES, Dialect, check_columns, dialect
 from graphnav.reading.dirty_cells import Cells, Wanted, understood
 from graphnav.reading.dirty_text import cells_of
 from graphnav.reading.left_out import LeftOut
-from graphnav.reading.plain_file import check_file
+from graphnav.reading.plain_file import check_content, check_file
 
 Array = NDArray[np.float64]
 pa.set_memory_pool(pa.system_memory_pool())  # others keep what they free from numpy's arrays
@@ -70,9 +71,10 @@ def open_table(path: Path) -> TableFile:
     """The table at `path`; InputError when it is absent, empty or not a table."""
     check_file(path, "file", "give a .csv, .csv.gz or .parquet file")
     try:
+        head = _head(path)
+        check_content(path, head, is_parquet(path))
         if is_parquet(path):
             return TableFile(path, _parquet_header(path), None)
-        head = _head(path)
         dialect = dialect_of(path, head)
         bounds.check_text_size(path, head, len(dialect.names))
     except UNREADABLE as error:
@@ -121,7 +123,8 @@ def _cells(file: TableFile, kinds: dict[str, Any]) -> tuple[pa.Table, tuple[str,
     dialect = file.dialect
     if dialect is None:
         table = pa_parquet.read_table(file.path, columns=list(kinds))
-        return table.cast(pa.schema([(name, kinds[name]) for name in table.column_names])), ()
+        table, said = _plain_columns(file, table)
+        return table.cast(pa.schema([(name, kinds[name]) for name in table.column_names])), said
     if dialect.separator == " ":
         raise pa.ArrowInvalid("runs of blanks")
     with bounds.opened(file.path, len(dialect.names)) as stream:
@@ -140,6 +143,26 @@ def _cells(file: TableFile, kinds: dict[str, Any]) -> tuple[pa.Table, tuple[str,
             ),
         )
         return table, bounds.note_of(stream)
+
+
+def _plain_columns(file: TableFile, table: pa.Table) -> tuple[pa.Table, tuple[str, ...]]:
+    """A parquet table with durations in seconds, and what to say of it; InputError on columns whose
+    cells hold more than one thing.
+    """
+    said: tuple[str, ...] = ()
+    for i, column in enumerate(table.schema):
+        if pa.types.is_nested(column.type):
+            raise InputError(
+                f"{file.path}: column '{column.name}' holds {column.type}, not numbers; write each "
+                "of them in a column of its own"
+            )
+        if pa.types.is_duration(column.type):
+            counts = (
+                table[i].cast(pa.duration("ns")).cast(pa.int64()).cast(pa.float64(), safe=False)
+            )
+            table = table.set_column(i, column.name, pc.divide(counts, 1e9))
+            said += (f"{column.name} is a duration: read as seconds",)
+    return table, said
 
 
 def _unique(dialect: Dialect) -> list[str]:
@@ -169,7 +192,9 @@ def _parquet_cells(file: TableFile, wanted: Wanted, left_out: LeftOut) -> Iterat
     names, row = [*dict.fromkeys([*wanted.names, *wanted.words])], 1
     with pa_parquet.ParquetFile(file.path) as opened:
         for batch in opened.iter_batches(columns=names):
-            text = {name: batch[name].cast(pa.string()) for name in names}
+            plain, said = _plain_columns(file, pa.Table.from_batches([batch]))
+            left_out.said += [each for each in said if each not in left_out.said]
+            text = {name: plain[name].cast(pa.string()).combine_chunks() for name in names}
             yield Cells(text, np.arange(row, row + len(batch)))
             row += len(batch)
 
