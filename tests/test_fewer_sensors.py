@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from runs import driven, saved
+from runs import driven, fixes, saved
 
 from factors import so3
 from graphnav.batch.smoother import position_variances, smooth_batch
@@ -122,6 +122,15 @@ def test_what_a_stand_in_misses_leaks_into_other_axes_in_bends(tmp_path: Path) -
     np.testing.assert_allclose(leaked[:, 0], MISSED * turned / np.sqrt(3))
     assert leaked[:, 0].max() > 0.05
     assert leaked[:, 2].max() < 1e-3
+
+
+@pytest.mark.parametrize("dropped", [["odo_speed"], [*ACCEL, "odo_speed"], ACCEL])
+def test_a_speed_that_rests_on_the_fixes_alone_is_doubtful(
+    tmp_path: Path, dropped: list[str]
+) -> None:
+    prep = prepared(saved(fixes(driven()).drop(columns=dropped), tmp_path))
+    said = [r for r in prep.setup.alignment.remarks if "fixes alone" in r.why]
+    assert [r.level for r in said] == [1] * (len(dropped) == 4)
 
 
 def test_a_stream_without_accelerometers_is_refused(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from factors.calibration import Layout
 from factors.preintegration import Increments, InertialNoise, preintegrate
 from graphnav.common.earth import G_STANDARD, Origin
 from graphnav.common.errors import InputError
+from graphnav.common.remark import Remark
 from graphnav.common.run import EVERY_AXIS, Array, Gnss, Odometer, Run
 from graphnav.graph import calibrations
 from graphnav.graph.nodes import INTERVAL_S
@@ -115,7 +116,7 @@ def prepare(
     remarks = lying.remarks
     if alignment.source != STATED:  # nothing rests on whose the stated heading is
         remarks = tuple(replace(remark, level=0) for remark in remarks)
-    alignment = replace(alignment, remarks=(*remarks, *alignment.remarks))
+    alignment = replace(alignment, remarks=(*remarks, *alignment.remarks, *_on_fixes_alone(run)))
     table = table or correction_table(params(vehicle, two_sided(run, vehicle)))
     noise = inertial_noise(vehicle, run.sensed)
     fixes = fixes_in(alignment.origin, gnss)
@@ -128,6 +129,20 @@ def prepare(
         detected = replace(detected, at_standstill=within(inc.edge, kept))
     rock = rocking(inc, detected.standstills, float(np.min(noise.gyro)))
     return Prepared(setup, Sensed(used, inc, detected, fixes, rock))
+
+
+def _on_fixes_alone(run: Run) -> tuple[Remark, ...]:
+    """What is to be said of a run whose speed nothing but its fixes tells."""
+    if run.sensed[4] or run.odometer is not None:
+        return ()
+    return (
+        Remark(
+            "without odometer and forward accelerometer the fixes alone tell the speed: a burst of "
+            "wrong ones looks like driving",
+            "record an odometer or the accelerometers",
+            level=1,
+        ),
+    )
 
 
 def weight_at_standstill(inc: Increments, at_standstill: Mask, origin: Origin) -> float:
