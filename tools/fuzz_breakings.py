@@ -149,7 +149,7 @@ def _archive(rng: random.Random, given: Input) -> None:
 
 def _bomb(rng: random.Random, given: Input) -> None:
     size = rng.choice((1, 100, 400)) << 20
-    piece = rng.choice((b"\n", b",", b"0", b"0,0\n", given.run))
+    piece = rng.choice((b"\n", b",", b"0", b"0,0\n", given.run or b"\n"))
     given.run = gzip.compress(given.run + piece * (size // len(piece)), 1)
     given.packed = True
 
