@@ -74,8 +74,8 @@ def test_options_at_fault(capsys: pytest.CaptureFixture[str], args: list[str], p
 def test_malformed_runs_end_with_one_line(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    path = saved(driven(20).drop(columns="accel_z"), tmp_path)
-    assert "no column 'accel_z'" in refused(capsys, "smooth", path)
+    path = saved(driven(20).drop(columns="gyro_z"), tmp_path)
+    assert "no column 'gyro_z'" in refused(capsys, "smooth", path)
     path = saved(driven(20).assign(gyro_z=lambda t: np.rad2deg(t["gyro_z"])), tmp_path)
     assert "deg/s" in refused(capsys, "smooth", path)
     (tmp_path / "vehicle.toml").unlink()
