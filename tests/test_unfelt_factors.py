@@ -8,6 +8,7 @@ from factors import so3
 from factors.block import Scope
 from factors.driving import ExpectedDriving, driving
 from factors.estimate import Estimate
+from graphnav.graph.unfelt import gains_told
 
 INTERVALS = Scope(np.arange(4), np.zeros(4, np.int64), np.arange(1.0, 5.0))
 
@@ -17,6 +18,16 @@ def expected(rng: np.random.Generator, turn: np.ndarray, change: np.ndarray) -> 
     even = np.linspace(0.005, 0.995, 100)
     mean = so3.exp(even[:, None, None] * turn).mean(0)
     return ExpectedDriving(np.ones(4), change, mean, *rng.uniform(0.1, 1.0, (2, 4, 3)))
+
+
+@pytest.mark.parametrize(
+    ("missing", "untold"), [((), []), ((0,), [1]), ((1,), [0]), ((0, 1), [0, 1]), ((5,), [2])]
+)
+def test_without_the_gyro_of_a_tilt_force_is_as_well_a_slope(
+    missing: tuple[int, ...], untold: list[int]
+) -> None:
+    sensed = ~np.isin(np.arange(6), missing)
+    assert np.flatnonzero(~gains_told(sensed)).tolist() == untold
 
 
 @pytest.mark.parametrize("seed", range(3))

@@ -27,19 +27,29 @@ FREE = 1e6  # sigma of a row that says nothing
 
 
 def unfelt_factors(round_: Round, at_standstill: Index, carried: Mask) -> list[Factor]:
-    """Driving and level factors for the axes that no accelerometer told; none where all did.
+    """Driving factors for the axes whose gain of speed the IMU does not tell, level factors for
+    those that no accelerometer told; none where all did.
 
     Intervals in `at_standstill` say nothing new of the slope, what is `carried` (N - 1,) drives
     unlike its odometer.
     """
-    felt = np.array(round_.prep.sensed.run.sensed[3:])
-    if felt.all():
+    sensed = np.array(round_.prep.sensed.run.sensed)
+    felt, gains = sensed[3:], gains_told(sensed)
+    if gains.all():
         return []
     expected = _expected(round_, carried)
-    free = np.where(felt, FREE, 1.0)
+    free = np.where(gains, FREE, 1.0)
     expected = replace(expected, sigma_v=expected.sigma_v * free, sigma_p=expected.sigma_p * free)
     intervals = round_.nodes.intervals
     return [lambda x: [driving(expected, intervals, x)], _level(round_, at_standstill, felt)]
+
+
+def gains_told(sensed: Mask) -> Mask:
+    """Axes (3,) along which the accelerometer tells a gain of speed, by what of gyro and
+    accelerometer (6,) was `sensed`: what is felt ahead (y) is as well a slope, unless the gyro
+    about x tells that the vehicle did not tilt; and likewise across.
+    """
+    return np.asarray(sensed[3:] & np.append(sensed[[1, 0]], True))
 
 
 def _expected(round_: Round, carried: Mask) -> ExpectedDriving:

@@ -37,7 +37,10 @@ def measured(run: Run) -> Run:
     seen = np.ones((len(imu.time), 2), bool)
     for fault in found:
         seen[fault.mask, fault.sensor] = False
-    run, turned = put_forward(run, replace(imu, accel=np.where(seen[:, 1:], imu.accel, 0.0)))
+    turned: list[str] = []
+    if run.felt:
+        felt = replace(imu, accel=np.where(seen[:, 1:], imu.accel, 0.0))
+        run, turned = put_forward(run, felt)
     notes = [*_clock_notes(run, clock), *(_note(run, fault) for fault in found), *turned]
     whole = all(run.sensed)  # stand-ins know of no exchange
     for exchange in exchanges(imu, run.odometer, seen) if whole else ():
