@@ -1,8 +1,8 @@
 """Stamps as they are read: times written as text, and counters of seconds that begin anew.
 
-Plain numbers are read like any column, `time` with its unit (`samples`); rows are brought into the
-order of their stamps in `row_order`. When an IMU's samples were taken, as far as late stamps tell,
-is found in `inertial/sample_clock`.
+Plain numbers are read like any column in `table_file`, `time` with its unit in `samples`; rows are
+brought into the order of their stamps in `row_order`. When an IMU's samples were taken, as far as
+late stamps tell, is found in `inertial/sample_clock`.
 """
 
 import numpy as np

@@ -1,4 +1,7 @@
-"""What a stream has heard of the vehicle's own motion."""
+"""What a stream has heard of the vehicle's own motion.
+
+A new sensor does not begin here: CONTRIBUTING, "A new sensor", names its files.
+"""
 
 from dataclasses import dataclass, field
 
