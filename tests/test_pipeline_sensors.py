@@ -120,7 +120,7 @@ def test_faulty_input_ends_with_two_and_writes_nothing(
     text.loc[500:800, "gyro_x"] = "n/a?"
     back = short.assign(time=short["time"].where(short.index < 700, short["time"] - 1.0))
     cases = {
-        "accel_y": short.drop(columns="accel_y"),
+        "gyro_z": short.drop(columns="gyro_z"),
         "n/a?": text,
         "backwards": back,
         "no rows": short.iloc[:0],
