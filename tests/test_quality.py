@@ -8,9 +8,11 @@ import pandas as pd
 import pytest
 from smoothing import QUICK, changed, command, summary
 
+from factors import so3
 from graphnav.batch import causes, doubts, fix_doubts, noise_doubts
 from graphnav.batch.hypotheses import hypotheses
 from graphnav.batch.judgement import judge
+from graphnav.common.angles import wrapped
 from graphnav.common.remark import Remark
 from graphnav.common.run import Run
 from graphnav.pipeline import solve
@@ -19,7 +21,7 @@ from graphnav.reading.vehicle_file import load_vehicle
 from graphnav.result import trajectory
 from graphnav.result.quality import Spread, graded, in_one_line
 from graphnav.result.result_directory import load
-from graphnav.result.solved import Solved
+from graphnav.result.solved import Solved, start_heading_deg
 from graphnav.simulation import simulate
 
 SPREAD = Spread(0.8, 2.1, 1834.0)
@@ -70,6 +72,16 @@ def test_the_first_line_says_how_far_to_rely_on_it() -> None:
     assert line == (
         "position +- 0.8 m, worst +- 2.1 m at 1834 s; heading +- 0.021 deg: REJECTED; turned"
     )
+
+
+def test_a_heading_is_told_of_what_it_is_stated_of(solved: Solved) -> None:
+    """A user who states the vehicle's heading is told the vehicle's, not that of an IMU askew."""
+    ten = so3.exp(np.array([0, 0, np.deg2rad(-10.0)]))  # the vehicle points 10 deg to its right
+    askew = replace(solved, R_bm=ten)
+    start = solved.vehicle.start.model_copy(update={"heading_of": "vehicle"})
+    of_vehicle = replace(askew, vehicle=solved.vehicle.model_copy(update={"start": start}))
+    by_deg = wrapped(start_heading_deg(of_vehicle) - start_heading_deg(askew), 360.0)
+    assert by_deg == pytest.approx(10.0, abs=0.1)
 
 
 def test_a_healthy_run_is_good(solved: Solved) -> None:

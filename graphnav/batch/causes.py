@@ -10,14 +10,14 @@ from graphnav.batch.finish import finish
 from graphnav.batch.hypotheses import hypotheses
 from graphnav.batch.noise_doubts import WORSE, noise_found
 from graphnav.batch.smoother import smooth_batch
-from graphnav.common.angles import angles_of_rotation, wrapped
+from graphnav.common.angles import wrapped
 from graphnav.common.errors import GraphnavError
 from graphnav.common.remark import Remark
 from graphnav.common.run import Run
 from graphnav.graph.preparation import prepare
 from graphnav.reading.plausibility import driving_findings
 from graphnav.reading.vehicle import Vehicle
-from graphnav.result.solved import Solved
+from graphnav.result.solved import Solved, start_heading_deg
 
 PIECE_S = 300.0  # of driving that shows a mistake
 INTERVAL_S = 2.0  # between nodes: coarse is enough
@@ -97,12 +97,11 @@ def doubt(solved: Solved) -> float:
 def _heading_off(solved: Solved) -> float:
     """How far the heading at the start is from a stated one, in its sigmas, in the graph or not:
     a cause that the user's own heading contradicts is not the likelier one."""
-    start, R = solved.vehicle.start, solved.path.R_nb[0]
+    start = solved.vehicle.start
     if start.heading_deg is None:
         return 0.0
-    ahead = R @ solved.R_bm if start.heading_of == "vehicle" else R
-    off = np.rad2deg(angles_of_rotation(ahead)[2]) - start.heading_deg
-    return float(abs(wrapped(off, 360.0)) / start.heading_sd_deg)
+    off = wrapped(start_heading_deg(solved) - start.heading_deg, 360.0)
+    return float(abs(off) / start.heading_sd_deg)
 
 
 @dataclass(frozen=True)

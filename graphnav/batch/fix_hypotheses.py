@@ -7,12 +7,12 @@ import numpy as np
 
 from graphnav.batch.doubts import distance
 from graphnav.batch.hypothesis import Hypothesis, Undone, said
-from graphnav.common.angles import angles_of_rotation, wrapped
+from graphnav.common.angles import wrapped
 from graphnav.common.run import Array, Gnss, Run
 from graphnav.inertial.alignment import ANOTHER_PLACE
 from graphnav.reading.plausibility import FAR_M, away_m
 from graphnav.reading.vehicle import Vehicle
-from graphnav.result.solved import Solved
+from graphnav.result.solved import Solved, start_heading_deg
 
 
 def of_start(vehicle: Vehicle) -> list[Hypothesis]:
@@ -34,11 +34,11 @@ def of_start(vehicle: Vehicle) -> list[Hypothesis]:
         return run, vehicle.model_copy(update={"start": start})
 
     def off(solved: Solved) -> str:
-        wrong = float(wrapped(stated - _heading(solved), 360.0))
+        wrong = float(wrapped(stated - start_heading_deg(solved), 360.0))
         return f"the heading stated in [start] is wrong by {wrong:.0f} deg"
 
     def right(solved: Solved) -> str:
-        return f"leave out [start] heading_deg, or state {_heading(solved):.1f}"
+        return f"leave out [start] heading_deg, or state {start_heading_deg(solved):.1f}"
 
     return [*found, Hypothesis(headless, off, right)]
 
@@ -56,11 +56,6 @@ def _away(solved: Solved, vehicle: Vehicle) -> str:
     off = solved.origin.local(lat, lon, np.asarray(0.0)) - solved.path.p_n[0]
     away = distance(float(np.hypot(*off[:2])))
     return f"[start] is {away} from the fixes"
-
-
-def _heading(solved: Solved) -> float:
-    """Heading at the start, deg."""
-    return float(np.rad2deg(angles_of_rotation(solved.path.R_nb[0])[2]))
 
 
 def of_fixes(run: Run, vehicle: Vehicle) -> tuple[list[Hypothesis], list[Hypothesis]]:

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from factors.block import Block
+from graphnav.common.angles import angles_of_rotation
 from graphnav.common.earth import Origin
 from graphnav.common.remark import Remark
 from graphnav.common.run import Array, Run
@@ -82,3 +83,10 @@ def row_weights(solved: Solved, kinds: tuple[str, ...]) -> tuple[Array, Array]:
         if block.kind in kinds and len(block.time):
             return block.time, weight
     return np.zeros(0), np.zeros((0, 3))
+
+
+def start_heading_deg(solved: Solved) -> float:
+    """Heading at the start of what `[start] heading_of` names, the IMU or the vehicle, deg."""
+    R = solved.path.R_nb[0]
+    ahead = R @ solved.R_bm if solved.vehicle.start.heading_of == "vehicle" else R
+    return float(np.rad2deg(angles_of_rotation(ahead)[2]))
