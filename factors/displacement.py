@@ -68,6 +68,11 @@ class OdometerSums:
     delay: float  # s, delay and
     drift: Array  # (n, 3) rad/s, gyro errors (less the Earth's rate) the sums were made with
 
+    @property
+    def way(self) -> Array:
+        """(n,) m, as counted."""
+        return np.asarray(np.linalg.norm(self.distance[:, :, 1], axis=1))
+
     def of(self, on: Index) -> "OdometerSums":
         """The sums of some intervals."""
         arrays = {k: v[on] for k, v in self.__dict__.items() if k != "delay"}
@@ -104,9 +109,8 @@ def displacement(reading: DisplacementReading, layout: Layout, scope: Scope, x: 
     J_j[:, :, ROTATION] = -to_m @ R_ij @ so3.skew(lever)
     J_j[:, :, POSITION] = to_m @ so3.transpose(R_i)
     J_i[:, :, POSITION] = -J_j[:, :, POSITION]
-    way = np.linalg.norm(reading.sums.distance[:, :, 1], axis=1)  # as counted
     at_mid = replace(D.mount, R_bm=reading.sums.R_mid @ D.mount.R_bm)
-    slide_downhill(layout, c, way, Attitude(R_i, at_mid), (r, J_i, J_c))
+    slide_downhill(layout, c, reading.sums.way, Attitude(R_i, at_mid), (r, J_i, J_c))
     reading.model.in_odometer_units(layout, c, r, (J_i, J_j, J_c))
     r[:, 1] += x.phase[scope.node + 1] - x.phase[scope.node]
     J_i[:, 1, PHASE], J_j[:, 1, PHASE] = -1.0, 1.0

@@ -46,7 +46,7 @@ def displacement_noise(
     assert odometer is not None
     T = np.diff(nodes.time)[on]
     turn = np.linalg.norm(so3.log(sums.R_mid), axis=1) * 2
-    speed = np.linalg.norm(sums.distance[:, :, 1], axis=1) / T
+    speed = sums.way / T
     ends = speed_at(odometer, nodes.time)
     change = np.abs(ends[on + 1] - ends[on])
     usual = _usual(round_.prep.setup, names)

@@ -2,20 +2,18 @@
 speed as its running gear says, and roads are level on the whole.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from factors import so3
 from factors.block import Index
 from factors.driving import ExpectedDriving, driving
 from factors.level import level
-from factors.preintegration import corrected, interval_of_increment
 from graphnav.common.earth import G_STANDARD
 from graphnav.common.run import Array
 from graphnav.graph.motion import body_rate, delay_of
+from graphnav.graph.motion_noise import DROPPED
 from graphnav.graph.round import Factor, Round
-from graphnav.inertial.odometer_steps import heard, speed_at
+from graphnav.inertial.odometer_steps import heard, speed_at, turned_to_middles
 from graphnav.inertial.standstill_evidence import Mask
 
 # orders of magnitude: a speed wanders about the odometer's by 0.3 m/s in a second, and where the
@@ -23,7 +21,6 @@ from graphnav.inertial.standstill_evidence import Mask
 STEADY, CHANGE = 0.3, 1.0  # m/s/sqrt(s); of the change of the odometer's speed
 PACE = 2.5  # m/s/sqrt(s), without an odometer: accelerations of 1 m/s^2 that last for 3 s
 GRADE, GRADE_S = 0.05, 20.0  # 1 sigma of a road's slope and for how long it lasts: 5 % over 20 s
-FREE = 1e6  # sigma of a row that says nothing
 
 
 def unfelt_factors(round_: Round, at_standstill: Index, carried: Mask) -> list[Factor]:
@@ -37,11 +34,9 @@ def unfelt_factors(round_: Round, at_standstill: Index, carried: Mask) -> list[F
     felt, gains = sensed[3:], gains_told(sensed)
     if gains.all():
         return []
-    expected = _expected(round_, carried)
-    free = np.where(gains, FREE, 1.0)
-    expected = replace(expected, sigma_v=expected.sigma_v * free, sigma_p=expected.sigma_p * free)
-    intervals = round_.nodes.intervals
-    return [lambda x: [driving(expected, intervals, x)], _level(round_, at_standstill, felt)]
+    expected, intervals = _expected(round_, carried, gains), round_.nodes.intervals
+    found: list[Factor] = [lambda x: [driving(expected, intervals, x)]]
+    return found if felt[:2].all() else [*found, _level(round_, at_standstill, felt)]
 
 
 def gains_told(sensed: Mask) -> Mask:
@@ -52,8 +47,10 @@ def gains_told(sensed: Mask) -> Mask:
     return np.asarray(sensed[3:] & np.append(sensed[[1, 0]], True))
 
 
-def _expected(round_: Round, carried: Mask) -> ExpectedDriving:
-    """The odometer's change of speed, told at the IMU; its sigma grows with it."""
+def _expected(round_: Round, carried: Mask, gains: Mask) -> ExpectedDriving:
+    """The odometer's change of speed, told at the IMU; its sigma grows with it. Nothing is said
+    along the axes (3,) whose gain of speed the IMU tells.
+    """
     prep, nodes, at = round_.prep, round_.nodes, round_.at
     vehicle, odometer, T = prep.setup.vehicle.odometer, prep.sensed.run.odometer, round_.pre.T
     rate_b = body_rate(round_, nodes.at(np.arange(len(nodes.time)), nodes.time))
@@ -65,22 +62,22 @@ def _expected(round_: Round, carried: Mask) -> ExpectedDriving:
         told = heard(odometer.time, stamp[:-1], stamp[1:]) & ~carried
     change = np.diff(u_b, axis=0) * told[:, None]
     density = np.where(told, STEADY, PACE)
-    sigma = np.hypot(density * np.sqrt(T), CHANGE * np.linalg.norm(change, axis=1))
+    along = np.hypot(density * np.sqrt(T), CHANGE * np.linalg.norm(change, axis=1))
+    sigma = along[:, None] * np.where(gains, DROPPED, 1.0)
     return ExpectedDriving(
         T=T,
         change=change,
         turn=_mean_turn(round_),
-        sigma_v=_all_axes(sigma),
-        sigma_p=_all_axes(sigma * T / np.sqrt(12)),
+        sigma_v=sigma,
+        sigma_p=sigma * T[:, None] / np.sqrt(12),
     )
 
 
 def _mean_turn(round_: Round) -> Array:
     """Mean rotation since the node over each interval, (N - 1, 3, 3)."""
     inc, pre, edge = round_.prep.sensed.inc, round_.pre, round_.nodes.edge
-    steps = corrected(inc, pre.errors[interval_of_increment(edge)]).rotation
-    mid = pre.C[:-1] @ so3.exp(0.5 * steps) * np.diff(inc.edge)[:, None, None]
-    return np.asarray(np.add.reduceat(mid, edge[:-1], axis=0) / pre.T[:, None, None])
+    lasting = turned_to_middles(inc, pre, edge) * np.diff(inc.edge)[:, None, None]
+    return np.asarray(np.add.reduceat(lasting, edge[:-1], axis=0) / pre.T[:, None, None])
 
 
 def _level(round_: Round, at_standstill: Index, felt: Mask) -> Factor:
@@ -89,16 +86,11 @@ def _level(round_: Round, at_standstill: Index, felt: Mask) -> Factor:
     moving = round_.pre.T.copy()
     moving[at_standstill] = 0
     share = 0.5 * (np.append(moving, 0) + np.append(0, moving))  # s of driving about each node
-    slope = GRADE * np.sqrt(2 * GRADE_S / np.maximum(share, 1 / FREE))
+    slope = GRADE * np.sqrt(2 * GRADE_S / np.maximum(share, 1 / DROPPED))
     # a missing y tells no pitch, a missing x no roll
-    sigma = G_STANDARD * slope[:, None] * np.where(felt[:2], FREE, 1.0)
+    sigma = G_STANDARD * slope[:, None] * np.where(felt[:2], DROPPED, 1.0)
     g_n = prep.setup.alignment.origin.gravity(np.zeros(3))
     up_b = so3.exp(prep.setup.vehicle.odometer.mount_b)[:, 2] * np.linalg.norm(g_n)
     force_b = np.broadcast_to(up_b, (len(nodes.time), 3))
     scope = nodes.at(np.arange(len(nodes.time)), nodes.time)
     return lambda x: [level(force_b, g_n, sigma, prep.setup.layout, scope, x)]
-
-
-def _all_axes(x: Array) -> Array:
-    """(n, 3) of (n,)."""
-    return np.repeat(x[:, None], 3, axis=1)

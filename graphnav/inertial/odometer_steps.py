@@ -72,6 +72,12 @@ def odometer_steps(
     return OdometerSteps(distance, rate, yaw, delay)
 
 
+def turned_to_middles(inc: Increments, pre: Preintegrated, nodes: Index) -> Array:
+    """Gyro-integrated rotation from the node before to the middle of every increment (M, 3, 3)."""
+    errors = pre.errors[interval_of_increment(nodes)]
+    return np.asarray(pre.C[:-1] @ so3.exp(0.5 * corrected(inc, errors).rotation))
+
+
 def odometer_sums(
     inc: Increments, pre: Preintegrated, nodes: Index, steps: OdometerSteps, earth_b: Array
 ) -> OdometerSums:
@@ -80,10 +86,9 @@ def odometer_sums(
     `earth_b` (n, 3) rad/s, the Earth's rotation in the body at the start of each interval.
     """
     first = nodes[:-1]
-    owner = interval_of_increment(nodes)
-    start = inc.edge[first][owner]
+    start = inc.edge[first][interval_of_increment(nodes)]
     mid = 0.5 * (inc.edge[1:] + inc.edge[:-1]) - start
-    C = pre.C[:-1] @ so3.exp(0.5 * corrected(inc, pre.errors[owner]).rotation)
+    C = turned_to_middles(inc, pre, nodes)
     sensed = np.add.reduceat(inc.rotation, first) / pre.T[:, None]
 
     def total(weight: Array) -> Array:

@@ -34,6 +34,11 @@ class Wanted:
     clock: str  # of `names`: times as text are understood in it
     decimal: str = "."
 
+    @property
+    def columns(self) -> list[str]:
+        """All of them, each once."""
+        return [*dict.fromkeys([*self.names, *self.words])]
+
 
 @dataclass(frozen=True)
 class Understood:

@@ -189,7 +189,7 @@ def _read_dirty(file: TableFile, names: Sequence[str], words: Sequence[str], clo
 
 def _parquet_cells(file: TableFile, wanted: Wanted, left_out: LeftOut) -> Iterator[Cells]:
     """Columns of a parquet file as text, whatever their type."""
-    names, row = [*dict.fromkeys([*wanted.names, *wanted.words])], 1
+    names, row = wanted.columns, 1
     with pa_parquet.ParquetFile(file.path) as opened:
         for batch in opened.iter_batches(columns=names):
             plain, said = _plain_columns(file, pa.Table.from_batches([batch]))
@@ -203,10 +203,9 @@ def _text_cells(file: TableFile, wanted: Wanted, left_out: LeftOut) -> Iterator[
     """Columns of a text as text, line by line."""
     dialect = file.dialect
     assert dialect is not None
-    names = [*dict.fromkeys([*wanted.names, *wanted.words])]
     with bounds.opened(file.path, len(dialect.names)) as stream:
         text = io.TextIOWrapper(io.BufferedReader(stream, 1 << 20), dialect.encoding, "replace")
-        yield from cells_of(text, dialect, names, str(file.path), left_out)
+        yield from cells_of(text, dialect, wanted.columns, str(file.path), left_out)
         left_out.said += bounds.note_of(stream)
 
 
