@@ -33,6 +33,13 @@ def test_missing_column_names_the_likely_one(tmp_path: Path) -> None:
     assert "'gyroy'" in text
 
 
+def test_a_column_that_is_another_sensors_is_no_cure(tmp_path: Path) -> None:
+    """A pitch gyro mapped as the upright one would be read without a word, and all be wrong."""
+    text = complaint(saved(driven().drop(columns="gyro_z"), tmp_path))
+    assert "no column 'gyro_z' (the heading needs gyro_z)" in text
+    assert "gyro_x" not in text and "map it" not in text
+
+
 def test_missing_time_shows_the_mapping(tmp_path: Path) -> None:
     text = complaint(saved(driven().rename(columns={"time": "timestamp"}), tmp_path))
     assert 'time = { name = "timestamp"' in text

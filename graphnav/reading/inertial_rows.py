@@ -32,6 +32,7 @@ def inertial(samples: Samples, axes: Array) -> Inertial:
     integral, interpolated, so that no velocity is lost. Raises `InputError` when a column is
     missing.
     """
+    samples.need((_upright(axes),), "the heading")
     blind = _blind(samples, axes)
     samples.need(tuple(name for name in GYRO + ACCEL if name not in blind), "an inertial sample")
     there = replace(samples, columns=samples.columns | _stand_ins(samples, axes, blind))
@@ -55,11 +56,8 @@ def _blind(samples: Samples, axes: Array) -> tuple[str, ...]:
     """Axes that were not recorded, left out or written as zero throughout: gyros about level axes,
     accelerometers.
     """
-    upright = _upright(axes)
-    if upright not in samples.columns:
-        return ()
     like = {k for k in GYRO + ACCEL if get_close_matches(k, samples.ignored)}
-    others = [name for name in GYRO + ACCEL if name not in (upright, *like)]
+    others = [name for name in GYRO + ACCEL if name not in (_upright(axes), *like)]
     return tuple(k for k in others if not np.nan_to_num(samples.columns.get(k, np.zeros(1))).any())
 
 

@@ -68,8 +68,13 @@ class Samples:
 
 
 def missing_column(file: TableFile, name: str, need: str) -> InputError:
-    """The error for a column that is not there, with the header that looks most like it."""
-    like = nearest(name, file.header)
+    """The error for a column that is not there, with the header that looks most like it, of those
+    that are not another column's own name.
+    """
+    others = [header for header in file.header if header not in columns.DIMENSION]
+    if not others:
+        return InputError(f"{file.path}: no column '{name}' ({need}); record it, no other fits")
+    like = nearest(name, others)
     return InputError(
         f"{file.path}: no column '{name}' ({need}); if '{like}' is meant, map it in the vehicle "
         f'file: [columns] {name} = {{ name = "{like}", unit = "{columns.default_unit(name)}" }}'
